@@ -1,0 +1,46 @@
+//! The words that every crate of kd shares: boxes, rays, hits, meshes, the 8-byte node, trees and their statistics.
+//!
+//! A [`Mesh`] is checked once. A builder turns it into pairs of [`Node`]s and references, which become a [`Tree`]
+//! only by passing its validator. Traversals rely on both and check nothing again.
+//!
+//! ```
+//! use kd_core::{CostModel, Mesh, Node, Pair, Slot, Tree};
+//!
+//! let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+//!
+//! // The smallest tree: one leaf that refers to the one triangle.
+//! let leaf = Node::leaf(0, 1).expect("a count of 1 fits");
+//! let pairs = [Pair([leaf, Node::EMPTY_LEAF])];
+//! let tree = Tree::from_parts(&pairs, &[Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC)?;
+//!
+//! assert_eq!(tree.stats().leaves, 1);
+//! tree.check_coverage(&mesh)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod aabb;
+mod arena;
+mod axis;
+mod clip;
+mod cost;
+mod id;
+mod mesh;
+mod node;
+mod ray;
+mod source;
+mod stats;
+mod tree;
+
+pub use aabb::Aabb;
+pub use arena::{Arena, MAX_DEPTH, TreeError};
+pub use axis::Axis;
+pub use clip::clipped_bounds;
+pub use cost::CostModel;
+pub use id::{NodeIndex, Slot};
+pub use mesh::{MAX_TRIANGLES, Mesh, MeshError};
+pub use node::{Node, NodeView, Pair};
+pub use ray::{Hit, Ray, offset_origin};
+pub use source::PrimSource;
+pub use stats::TreeStats;
+pub use tree::{Tree, Uncovered};

@@ -1,0 +1,304 @@
+//! What a tree looks like, as numbers with one text form.
+
+use std::fmt;
+
+use crate::{Aabb, CostModel, Node, NodeIndex, NodeView, Tree};
+
+/// Counts, histograms and costs of a tree.
+///
+/// Its `Display` is the one text form: snapshots, the README and the bench print it. Costs follow the surface area
+/// heuristic for rays that meet the root box (not padded): the sum over nodes of their cost times their half area
+/// over that of the root.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct TreeStats {
+    /// Triangles the tree is over.
+    pub triangles: usize,
+    /// Of these, triangles of zero area, if known: the mesh knows, a tree alone does not.
+    pub zero_area: Option<usize>,
+    /// Interior nodes and leaves that can be reached; one shared by several parents counts once.
+    pub nodes: usize,
+    /// Leaves among them.
+    pub leaves: usize,
+    /// Leaves without references.
+    pub empty_leaves: usize,
+    /// References in all leaves; a triangle in several leaves counts several times.
+    pub references: usize,
+    /// Levels of interior nodes above the deepest leaf.
+    pub depth: usize,
+    /// How many leaves lie at each depth.
+    pub leaves_by_depth: Vec<usize>,
+    /// How many leaves hold each number of references: 0, 1, … 8, then up to 16, 32, 64, … (see
+    /// [`leaf_size_label`](Self::leaf_size_label)).
+    pub leaves_by_size: Vec<usize>,
+    /// SAH cost at K_T 15, K_I 20, one lane: to compare with the literature.
+    pub sah_cost_15_20: f64,
+    /// SAH cost under the model the tree was built for.
+    pub sah_cost_own: f64,
+    /// Bytes of nodes and of what the validator keeps with them.
+    pub node_bytes: usize,
+    /// Bytes of references.
+    pub reference_bytes: usize,
+}
+
+/// Leaf sizes up to this one have a bucket of their own.
+const EXACT_SIZES: usize = 8;
+
+impl TreeStats {
+    pub(crate) fn of(tree: &Tree) -> Self {
+        let reference_bytes = size_of_val(tree.refs());
+        let mut stats = Self {
+            triangles: tree.triangles() as usize,
+            zero_area: None,
+            nodes: 0,
+            leaves: 0,
+            empty_leaves: 0,
+            references: 0,
+            depth: tree.depth(),
+            leaves_by_depth: vec![0; tree.depth() + 1],
+            leaves_by_size: Vec::new(),
+            sah_cost_15_20: 0.0,
+            sah_cost_own: 0.0,
+            node_bytes: tree.bytes() - reference_bytes,
+            reference_bytes,
+        };
+        Walk {
+            tree,
+            root_half_area: tree.bounds().half_area(),
+            seen: vec![false; tree.nodes().len()],
+            stats: &mut stats,
+        }
+        .visit(tree.root(), tree.bounds(), 0);
+        stats
+    }
+
+    /// The same statistics with the mesh's count of zero-area triangles filled in.
+    #[must_use]
+    pub fn with_zero_area(mut self, zero_area: usize) -> Self {
+        self.zero_area = Some(zero_area);
+        self
+    }
+
+    /// References per triangle; 0 without triangles.
+    pub fn refs_per_triangle(&self) -> f64 {
+        if self.triangles == 0 {
+            0.0
+        } else {
+            self.references as f64 / self.triangles as f64
+        }
+    }
+
+    /// Bytes of the tree, without the mesh.
+    pub fn bytes_total(&self) -> usize {
+        self.node_bytes + self.reference_bytes
+    }
+
+    /// Name of a bucket of [`leaves_by_size`](Self::leaves_by_size): `"3"`, `"≤16"`.
+    pub fn leaf_size_label(bucket: usize) -> String {
+        if bucket <= EXACT_SIZES {
+            bucket.to_string()
+        } else {
+            format!("≤{}", EXACT_SIZES << (bucket - EXACT_SIZES))
+        }
+    }
+
+    fn count_leaf(&mut self, references: usize) {
+        self.leaves += 1;
+        self.empty_leaves += usize::from(references == 0);
+        self.references += references;
+        let bucket = if references <= EXACT_SIZES {
+            references
+        } else {
+            EXACT_SIZES + (references.div_ceil(EXACT_SIZES).next_power_of_two().ilog2() as usize)
+        };
+        if self.leaves_by_size.len() <= bucket {
+            self.leaves_by_size.resize(bucket + 1, 0);
+        }
+        self.leaves_by_size[bucket] += 1;
+    }
+}
+
+/// A walk over all nodes with their cells.
+struct Walk<'a> {
+    tree: &'a Tree,
+    root_half_area: f64,
+    seen: Vec<bool>,
+    stats: &'a mut TreeStats,
+}
+
+impl Walk<'_> {
+    /// Adds the subtree at `place`: its cost for every path that leads there, its counts once.
+    fn visit(&mut self, place: NodeIndex, cell: Aabb, depth: usize) {
+        let node = self.tree.nodes()[place.index()];
+        let first_time = !std::mem::replace(&mut self.seen[place.index()], true);
+        if first_time {
+            self.stats.nodes += 1;
+        }
+        // A box without area is met by no ray in the sense of the heuristic; count it as always met.
+        let chance = if self.root_half_area > 0.0 {
+            cell.half_area() / self.root_half_area
+        } else {
+            1.0
+        };
+        let own = *self.tree.cost();
+        self.stats.sah_cost_15_20 += chance * node_cost(&CostModel::CLASSIC, node);
+        self.stats.sah_cost_own += chance * node_cost(&own, node);
+        match node.view() {
+            NodeView::Leaf { count, .. } => {
+                self.stats.leaves_by_depth[depth] += 1;
+                if first_time {
+                    self.stats.count_leaf(count as usize);
+                }
+            }
+            NodeView::Interior { axis, split, first } => {
+                let (lower, upper) = cell.split(axis, split);
+                self.visit(first, lower, depth + 1);
+                self.visit(first.sibling(), upper, depth + 1);
+            }
+        }
+    }
+}
+
+fn node_cost(model: &CostModel, node: Node) -> f64 {
+    if node.is_leaf() {
+        model.leaf(node.count() as usize)
+    } else {
+        f64::from(model.traverse)
+    }
+}
+
+impl fmt::Display for TreeStats {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let per_triangle = |bytes: usize| bytes as f64 / self.triangles.max(1) as f64;
+        writeln!(f, "triangles        {:>12}", self.triangles)?;
+        if let Some(zero_area) = self.zero_area {
+            writeln!(f, "  of zero area   {zero_area:>12}")?;
+        }
+        writeln!(f, "nodes            {:>12}", self.nodes)?;
+        writeln!(f, "leaves           {:>12}", self.leaves)?;
+        writeln!(f, "  empty          {:>12}", self.empty_leaves)?;
+        writeln!(f, "references       {:>12}", self.references)?;
+        writeln!(f, "  per triangle   {:>12.3}", self.refs_per_triangle())?;
+        writeln!(f, "depth            {:>12}", self.depth)?;
+        writeln!(f, "SAH cost (15:20) {:>12.3}", self.sah_cost_15_20)?;
+        writeln!(f, "SAH cost (own)   {:>12.3}", self.sah_cost_own)?;
+        writeln!(f, "bytes            {:>12}", self.bytes_total())?;
+        writeln!(
+            f,
+            "  per triangle   {:>12.1}",
+            per_triangle(self.bytes_total())
+        )?;
+        write!(f, "leaves by depth  ")?;
+        write_histogram(f, &self.leaves_by_depth, |depth| depth.to_string())?;
+        write!(f, "leaves by size   ")?;
+        write_histogram(f, &self.leaves_by_size, Self::leaf_size_label)
+    }
+}
+
+/// `label:count` for every bucket that is not empty.
+fn write_histogram(
+    f: &mut fmt::Formatter<'_>,
+    buckets: &[usize],
+    label: impl Fn(usize) -> String,
+) -> fmt::Result {
+    for (bucket, count) in buckets.iter().enumerate().filter(|(_, count)| **count > 0) {
+        write!(f, " {}:{count}", label(bucket))?;
+    }
+    writeln!(f)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::{Axis, Pair, Slot};
+
+    fn unit_box() -> Aabb {
+        Aabb::around([Vec3::ZERO, Vec3::ONE])
+    }
+
+    #[test]
+    fn costs_follow_the_areas() {
+        // Cut in half: half areas 3 for the root and 2 for each child.
+        let leaf = |first, count| Node::leaf(first, count).expect("small");
+        let root = Node::interior(Axis::Z, 0.5, NodeIndex(2)).expect("small");
+        let pairs = [
+            Pair([root, Node::EMPTY_LEAF]),
+            Pair([leaf(0, 1), leaf(1, 2)]),
+        ];
+        let own = CostModel {
+            traverse: 1.0,
+            intersect: 2.0,
+            lanes: 4,
+            empty_bonus: 1.0,
+        };
+        let tree = Tree::from_parts(&pairs, &[Slot(0); 3], unit_box(), 1, own).expect("valid");
+        let stats = tree.stats();
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        assert!(
+            close(stats.sah_cost_15_20, 15.0 + 2.0 / 3.0 * 20.0 * 3.0),
+            "{stats}"
+        );
+        assert!(
+            close(stats.sah_cost_own, 1.0 + 2.0 / 3.0 * 2.0 * 8.0),
+            "{stats}"
+        );
+        assert_eq!(
+            (stats.nodes, stats.leaves, stats.references, stats.depth),
+            (3, 2, 3, 1),
+            "{stats}"
+        );
+        assert_eq!(stats.leaves_by_depth, [0, 2], "both leaves below the root");
+        assert_eq!(stats.leaves_by_size, [0, 1, 1], "one and two references");
+    }
+
+    #[test]
+    fn sizes_above_eight_share_buckets() {
+        let labels: Vec<String> = (8..12).map(TreeStats::leaf_size_label).collect();
+        assert_eq!(labels, ["8", "≤16", "≤32", "≤64"], "doubling");
+        for (size, label) in [(8, "8"), (9, "≤16"), (16, "≤16"), (17, "≤32"), (33, "≤64")] {
+            let leaf = Pair([Node::leaf(0, size).expect("small"), Node::EMPTY_LEAF]);
+            let refs = vec![Slot(0); size as usize];
+            let tree =
+                Tree::from_parts(&[leaf], &refs, unit_box(), 1, CostModel::CLASSIC).expect("valid");
+            let bucket = tree.stats().leaves_by_size.len() - 1;
+            assert_eq!(
+                TreeStats::leaf_size_label(bucket),
+                label,
+                "{size} references"
+            );
+        }
+    }
+
+    #[test]
+    fn shared_subtrees_count_once() {
+        let root = Node::interior(Axis::Z, 0.5, NodeIndex(2)).expect("small");
+        let child = Node::interior(Axis::X, 0.5, NodeIndex(4)).expect("small");
+        let leaf = Node::leaf(0, 1).expect("small");
+        let pairs = [
+            Pair([root, Node::EMPTY_LEAF]),
+            Pair([child, child]),
+            Pair([leaf, leaf]),
+        ];
+        let tree =
+            Tree::from_parts(&pairs, &[Slot(0)], unit_box(), 1, CostModel::CLASSIC).expect("valid");
+        let stats = tree.stats();
+        assert_eq!(
+            (stats.nodes, stats.leaves),
+            (5, 2),
+            "the two leaves are shared"
+        );
+        assert_eq!(stats.leaves_by_depth, [0, 0, 4], "but lie on four paths");
+    }
+
+    #[test]
+    fn an_empty_tree_has_plain_numbers() {
+        let pairs = [Pair([Node::EMPTY_LEAF; 2])];
+        let tree =
+            Tree::from_parts(&pairs, &[], Aabb::EMPTY, 0, CostModel::CLASSIC).expect("valid");
+        let text = tree.stats().to_string();
+        assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+        assert_eq!(tree.stats().empty_leaves, 1, "{text}");
+    }
+}

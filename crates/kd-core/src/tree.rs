@@ -1,0 +1,266 @@
+//! A validated tree.
+
+use glam::DVec3;
+use thiserror::Error;
+
+use crate::{
+    Aabb, Arena, CostModel, Mesh, Node, NodeIndex, NodeView, Pair, Slot, TreeError, TreeStats,
+};
+
+/// A kd-tree over triangles: a root in an [`Arena`], and the box its planes divide.
+///
+/// It can only be made through validation and cannot be changed after, so traversals do not check again: see
+/// [`Arena::freeze`] for what holds.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    arena: Arena,
+    root: NodeIndex,
+    bounds: Aabb,
+    slots: u32,
+    depth: u8,
+    cost: CostModel,
+}
+
+impl Tree {
+    /// A tree of its own arena from a builder's output.
+    ///
+    /// Indices in `pairs` and `refs` count from 0; the root is the first node of the first pair, the other node of
+    /// that pair is not used. `slots` is the number of triangles, `bounds` the box around them, and `cost` the model
+    /// the tree was built for. Linear in the number of nodes and references.
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError`] names the first broken node.
+    pub fn from_parts(
+        pairs: &[Pair],
+        refs: &[Slot],
+        bounds: Aabb,
+        slots: u32,
+        cost: CostModel,
+    ) -> Result<Self, TreeError> {
+        if pairs.is_empty() {
+            return Err(TreeError::NoRoot);
+        }
+        let mut arena = Arena::new();
+        let root = arena.append(pairs, refs)?;
+        arena.freeze(slots)?;
+        let depth = arena.height(root).ok_or(TreeError::NoRoot)?;
+        Ok(Self {
+            arena,
+            root,
+            bounds,
+            slots,
+            depth,
+            cost,
+        })
+    }
+
+    /// All nodes of the arena; indices in nodes refer to this slice. Unreachable ones may be among them.
+    #[inline]
+    pub fn nodes(&self) -> &[Node] {
+        self.arena.nodes()
+    }
+
+    /// All references of the arena; leaves name ranges of this slice.
+    #[inline]
+    pub fn refs(&self) -> &[Slot] {
+        self.arena.refs()
+    }
+
+    /// Where the tree starts.
+    #[inline]
+    pub fn root(&self) -> NodeIndex {
+        self.root
+    }
+
+    /// The box around all triangles, not padded; empty if there are none.
+    #[inline]
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// How many triangles the tree is over.
+    #[inline]
+    pub fn triangles(&self) -> u32 {
+        self.slots
+    }
+
+    /// The cost model the tree was built for.
+    #[inline]
+    pub fn cost(&self) -> &CostModel {
+        &self.cost
+    }
+
+    /// Levels of interior nodes above the deepest leaf.
+    pub fn depth(&self) -> usize {
+        usize::from(self.depth)
+    }
+
+    /// The triangles of a leaf.
+    #[inline]
+    pub fn leaf_refs(&self, leaf: Node) -> &[Slot] {
+        let first = leaf.first_ref() as usize;
+        &self.refs()[first..first + leaf.count() as usize]
+    }
+
+    /// Bytes of nodes, references and heights.
+    pub fn bytes(&self) -> usize {
+        self.arena.bytes()
+    }
+
+    /// Counts, histograms and costs; linear in the number of nodes.
+    pub fn stats(&self) -> TreeStats {
+        TreeStats::of(self)
+    }
+
+    /// Checks that no part of any triangle is missing: every cell that a triangle reaches into leads to a leaf that
+    /// refers to it. A triangle lying in a plane needs to be on one side only.
+    ///
+    /// This is the builders' oracle, for tests and for files of unknown origin; traversal does not need it to be safe.
+    /// Parts thinner than 10⁻⁹ of the box's diagonal are left to the padding of the traversal. Costs about as much
+    /// as a build.
+    ///
+    /// # Errors
+    ///
+    /// The first triangle that is missing somewhere, and the leaf that should refer to it.
+    pub fn check_coverage(&self, mesh: &Mesh) -> Result<(), Uncovered> {
+        let slack = 1e-9 * (self.bounds.max.as_dvec3() - self.bounds.min.as_dvec3()).length();
+        for (triangle, _) in (0_u32..).zip(mesh.triangles()) {
+            let polygon: Vec<DVec3> = mesh.corners(triangle).map(|p| p.as_dvec3()).to_vec();
+            if let Err(leaf) = self.covers(Slot(triangle), self.root, polygon, slack) {
+                return Err(Uncovered { triangle, leaf });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the leaves below `place` refer to `slot` wherever `polygon` reaches; the leaf that does not, if any.
+    fn covers(
+        &self,
+        slot: Slot,
+        place: NodeIndex,
+        polygon: Vec<DVec3>,
+        slack: f64,
+    ) -> Result<(), NodeIndex> {
+        let node = self.nodes()[place.index()];
+        match node.view() {
+            NodeView::Leaf { .. } => {
+                if self.leaf_refs(node).contains(&slot) {
+                    Ok(())
+                } else {
+                    Err(place)
+                }
+            }
+            NodeView::Interior { axis, split, first } => {
+                let (axis, split) = (axis.index(), f64::from(split));
+                let reaches_lower = polygon.iter().any(|p| p[axis] < split - slack);
+                let reaches_upper = polygon.iter().any(|p| p[axis] > split + slack);
+                match (reaches_lower, reaches_upper) {
+                    (true, false) => self.covers(slot, first, polygon, slack),
+                    (false, true) => self.covers(slot, first.sibling(), polygon, slack),
+                    (true, true) => {
+                        let lower = part_below(&polygon, axis, split, 1.0);
+                        let upper = part_below(&polygon, axis, split, -1.0);
+                        self.covers(slot, first, lower, slack)?;
+                        self.covers(slot, first.sibling(), upper, slack)
+                    }
+                    (false, false) => self
+                        .covers(slot, first, polygon.clone(), slack)
+                        .or_else(|_| self.covers(slot, first.sibling(), polygon, slack)),
+                }
+            }
+        }
+    }
+}
+
+/// A triangle that a leaf should refer to and does not.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("triangle {triangle} reaches into leaf {leaf}, which does not refer to it")]
+pub struct Uncovered {
+    /// The triangle's number.
+    pub triangle: u32,
+    /// The leaf's place.
+    pub leaf: NodeIndex,
+}
+
+/// The part of a polygon where `sign * coordinate <= sign * plane`.
+///
+/// Deliberately not the clipping that builders use: an oracle should not share their mistakes.
+fn part_below(polygon: &[DVec3], axis: usize, plane: f64, sign: f64) -> Vec<DVec3> {
+    let height = |p: &DVec3| sign * (p[axis] - plane);
+    let mut part = Vec::with_capacity(polygon.len() + 1);
+    for (i, a) in polygon.iter().enumerate() {
+        let b = &polygon[(i + 1) % polygon.len()];
+        if height(a) <= 0.0 {
+            part.push(*a);
+        }
+        if (height(a) < 0.0 && height(b) > 0.0) || (height(a) > 0.0 && height(b) < 0.0) {
+            part.push(a.lerp(*b, height(a) / (height(a) - height(b))));
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Axis;
+
+    fn two_triangles() -> Mesh {
+        let positions = vec![
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [3.0, 0.0, 0.0],
+            [4.0, 0.0, 0.0],
+            [3.0, 1.0, 0.0],
+        ];
+        Mesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).expect("valid")
+    }
+
+    fn split_at(split: f32, lower: Node, upper: Node, refs: &[Slot]) -> Tree {
+        let root = Node::interior(Axis::X, split, NodeIndex(2)).expect("small");
+        let pairs = [Pair([root, Node::EMPTY_LEAF]), Pair([lower, upper])];
+        let mesh = two_triangles();
+        Tree::from_parts(&pairs, refs, mesh.bounds(), 2, CostModel::CLASSIC).expect("valid")
+    }
+
+    #[test]
+    fn coverage_finds_what_is_missing() {
+        let leaf = |first, count| Node::leaf(first, count).expect("small");
+        let good = split_at(2.0, leaf(0, 1), leaf(1, 1), &[Slot(0), Slot(1)]);
+        assert_eq!(
+            good.check_coverage(&two_triangles()),
+            Ok(()),
+            "each in its own leaf"
+        );
+        let swapped = split_at(2.0, leaf(1, 1), leaf(0, 1), &[Slot(0), Slot(1)]);
+        assert_eq!(
+            swapped.check_coverage(&two_triangles()),
+            Err(Uncovered {
+                triangle: 0,
+                leaf: NodeIndex(2)
+            }),
+            "in the wrong leaf"
+        );
+        let straddled = split_at(0.5, leaf(0, 1), leaf(1, 1), &[Slot(0), Slot(1)]);
+        assert_eq!(
+            straddled.check_coverage(&two_triangles()),
+            Err(Uncovered {
+                triangle: 0,
+                leaf: NodeIndex(3)
+            }),
+            "half of it is missing"
+        );
+    }
+
+    #[test]
+    fn no_nodes_is_no_tree() {
+        let error = Tree::from_parts(&[], &[], Aabb::EMPTY, 0, CostModel::CLASSIC);
+        assert_eq!(
+            error.err(),
+            Some(TreeError::NoRoot),
+            "even an empty tree has a root"
+        );
+    }
+}
