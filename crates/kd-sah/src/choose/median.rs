@@ -1,0 +1,41 @@
+//! The spatial median: the middle of the cell, axes in turn (slides, "Naive algorithm").
+
+use kd_core::Axis;
+
+use super::ChoosePlane;
+use crate::cell::{Cell, Division};
+use crate::plane::{Plane, Side};
+
+/// Axis = depth mod 3, position = middle. Unlike the slides, an axis on which the cell is flat is passed over, since
+/// a plane there would divide nothing.
+#[derive(Debug)]
+pub(crate) struct Median;
+
+impl ChoosePlane for Median {
+    const BY_COST: bool = false;
+
+    type Kept = ();
+
+    fn begin(&self, _: &Cell) {}
+
+    fn choose(&self, cell: &Cell, (): &()) -> Option<Plane> {
+        let center = cell.bounds.center();
+        let in_turn = (0..3).map(|step| Axis::ALL[(cell.depth as usize + step) % 3]);
+        in_turn
+            .map(|axis| (axis, center[axis.index()]))
+            .find(|&(axis, middle)| {
+                let axis = axis.index();
+                cell.bounds.min[axis] < middle && middle < cell.bounds.max[axis]
+            })
+            .map(|(axis, position)| Plane {
+                axis,
+                position,
+                planar_side: Side::Lower,
+                cost: 0.0,
+            })
+    }
+
+    fn divide(&self, (): (), _: &Division) -> [(); 2] {
+        [(), ()]
+    }
+}

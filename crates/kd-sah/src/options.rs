@@ -1,0 +1,278 @@
+//! What a user can ask of a build.
+
+use kd_core::{CostModel, MAX_DEPTH, TreeError};
+use thiserror::Error;
+
+/// How to choose the plane that divides a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Method {
+    /// The middle of the cell, axes in turn. Builds fastest and traces slowest; for comparison.
+    Median,
+    /// The plane of least SAH cost, each candidate counted over all triangles: O(N²). The oracle of the others.
+    Naive,
+    /// The plane of least SAH cost by a sweep over events sorted anew in each cell: O(N log² N). An oracle too.
+    Resort,
+    /// The plane of least SAH cost by a sweep over events sorted once: O(N log N). Gives the same tree as
+    /// [`Naive`](Self::Naive) and [`Resort`](Self::Resort).
+    Exact,
+}
+
+/// Options of a build. Start from a preset ([`balanced`](Self::balanced) is the default) and change what you need.
+///
+/// Options are checked by the build, which names the one that is wrong. The tree depends on the primitives and on
+/// the options except [`with_threads`](Self::with_threads), bit for bit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildOptions {
+    pub(crate) method: Method,
+    pub(crate) cost: CostModel,
+    pub(crate) max_depth: Option<u32>,
+    pub(crate) max_refs: Option<u64>,
+    pub(crate) small_leaf: u32,
+    pub(crate) bad_refines: u32,
+    pub(crate) retraction: bool,
+    pub(crate) threads: usize,
+}
+
+/// The depth that no builder exceeds, whatever the number of primitives.
+const DEPTH_CAP: u32 = 48;
+
+impl BuildOptions {
+    /// A cheaper tree: leaves up to 8 triangles are not divided, and a split must pay at once.
+    pub const fn fast() -> Self {
+        Self {
+            small_leaf: 8,
+            bad_refines: 0,
+            ..Self::balanced()
+        }
+    }
+
+    /// The default.
+    pub const fn balanced() -> Self {
+        Self {
+            method: Method::Exact,
+            cost: CostModel::CLASSIC,
+            max_depth: None,
+            max_refs: None,
+            small_leaf: 3,
+            bad_refines: 2,
+            retraction: true,
+            threads: 0,
+        }
+    }
+
+    /// The tree of least expected cost: every leaf is divided for as long as that may pay.
+    pub const fn best() -> Self {
+        Self {
+            small_leaf: 1,
+            bad_refines: 3,
+            ..Self::balanced()
+        }
+    }
+
+    /// How to choose planes.
+    #[must_use]
+    pub const fn with_method(mut self, method: Method) -> Self {
+        self.method = method;
+        self
+    }
+
+    /// What the steps of a traversal cost. The costs must be positive and finite, lanes at least 1, and the empty
+    /// bonus in (0, 1].
+    #[must_use]
+    pub const fn with_cost(mut self, cost: CostModel) -> Self {
+        self.cost = cost;
+        self
+    }
+
+    /// The most interior nodes above a leaf, at most [`MAX_DEPTH`]. Without it, 8 + 1.3 log₂ N and at most 48
+    /// (Havran and Bittner 2002).
+    #[must_use]
+    pub const fn with_max_depth(mut self, max_depth: u32) -> Self {
+        self.max_depth = Some(max_depth);
+        self
+    }
+
+    /// The most references in all leaves together, at least one per primitive. Where refinement reaches it, cells
+    /// become leaves as they are; nothing is lost. Without it, 64 per primitive.
+    ///
+    /// A cell's share is divided between its children in proportion to what they hold, so the outcome does not
+    /// depend on the order of the build.
+    #[must_use]
+    pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
+        self.max_refs = Some(max_refs);
+        self
+    }
+
+    /// A cell with at most this many primitives becomes a leaf at once (the slides' `K_MaxTriangles`).
+    #[must_use]
+    pub const fn with_small_leaf(mut self, primitives: u32) -> Self {
+        self.small_leaf = primitives;
+        self
+    }
+
+    /// How many splits in a row from the root to a leaf may cost more than they save, in the hope that further ones
+    /// pay (Havran and Bittner 2002).
+    #[must_use]
+    pub const fn with_bad_refines(mut self, bad_refines: u32) -> Self {
+        self.bad_refines = bad_refines;
+        self
+    }
+
+    /// Whether a finished subtree that costs no less than a leaf in its place is replaced by that leaf.
+    #[must_use]
+    pub const fn with_retraction(mut self, retraction: bool) -> Self {
+        self.retraction = retraction;
+        self
+    }
+
+    /// How many threads build: 1 builds on the calling thread, 0 uses the thread pool in scope (by default as many
+    /// as there are cores). Without feature `parallel` it is always one. The tree does not depend on it.
+    #[must_use]
+    pub const fn with_threads(mut self, threads: usize) -> Self {
+        self.threads = threads;
+        self
+    }
+
+    pub(crate) fn check(&self) -> Result<(), BuildError> {
+        let invalid = |name, rule| Err(BuildError::InvalidOption { name, rule });
+        let positive = |x: f32| x > 0.0 && x.is_finite();
+        if !positive(self.cost.traverse) {
+            return invalid("cost.traverse", "positive and finite");
+        }
+        if !positive(self.cost.intersect) {
+            return invalid("cost.intersect", "positive and finite");
+        }
+        if !(self.cost.empty_bonus > 0.0 && self.cost.empty_bonus <= 1.0) {
+            return invalid("cost.empty_bonus", "in (0, 1]");
+        }
+        if self.cost.lanes == 0 {
+            return invalid("cost.lanes", "at least 1");
+        }
+        if self.max_depth.is_some_and(|d| d as usize > MAX_DEPTH) {
+            return invalid("max_depth", "at most MAX_DEPTH (64)");
+        }
+        Ok(())
+    }
+
+    /// The depth limit for so many primitives. In whole numbers, so that every platform agrees.
+    pub(crate) fn depth_limit(&self, primitives: usize) -> u32 {
+        self.max_depth
+            .unwrap_or_else(|| (8 + 13 * primitives.max(1).ilog2() / 10).min(DEPTH_CAP))
+    }
+
+    /// The limit of references for so many primitives, never less than one each.
+    pub(crate) fn refs_limit(&self, primitives: usize) -> u64 {
+        let primitives = primitives as u64;
+        self.max_refs.unwrap_or(64 * primitives).max(primitives)
+    }
+}
+
+impl Default for BuildOptions {
+    /// [`balanced`](Self::balanced).
+    fn default() -> Self {
+        Self::balanced()
+    }
+}
+
+/// Why there is no tree.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// An option has a value that makes no sense.
+    #[error("option `{name}` must be {rule}")]
+    InvalidOption {
+        /// The option.
+        name: &'static str,
+        /// What it must be.
+        rule: &'static str,
+    },
+    /// A primitive's box is not finite, or is empty. Never the case for a mesh.
+    #[error("primitive {primitive} has no finite box")]
+    NotFinite {
+        /// Its number.
+        primitive: u32,
+    },
+    /// More primitives than [`MAX_TRIANGLES`](kd_core::MAX_TRIANGLES). Never the case for a mesh.
+    #[error("{primitives} primitives are too many")]
+    TooManyPrimitives {
+        /// How many there are.
+        primitives: u32,
+    },
+    /// The tree outgrew the 30 bits of a node index; ask for fewer references.
+    #[error("the tree is too large: {0}")]
+    TooLarge(#[from] TreeError),
+    /// The threads asked for could not be started.
+    #[error("cannot start {threads} threads: {reason}")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the system said.
+        reason: String,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_options_are_named() {
+        let with = |change: fn(&mut CostModel)| {
+            let mut cost = CostModel::CLASSIC;
+            change(&mut cost);
+            BuildOptions::balanced().with_cost(cost)
+        };
+        let rows = [
+            (
+                with(|c| c.traverse = 0.0),
+                "option `cost.traverse` must be positive and finite",
+            ),
+            (
+                with(|c| c.intersect = f32::NAN),
+                "option `cost.intersect` must be positive and finite",
+            ),
+            (
+                with(|c| c.intersect = f32::INFINITY),
+                "option `cost.intersect` must be positive and finite",
+            ),
+            (
+                with(|c| c.empty_bonus = 1.5),
+                "option `cost.empty_bonus` must be in (0, 1]",
+            ),
+            (
+                with(|c| c.empty_bonus = f32::NAN),
+                "option `cost.empty_bonus` must be in (0, 1]",
+            ),
+            (
+                with(|c| c.lanes = 0),
+                "option `cost.lanes` must be at least 1",
+            ),
+            (
+                BuildOptions::balanced().with_max_depth(65),
+                "option `max_depth` must be at most MAX_DEPTH (64)",
+            ),
+        ];
+        for (options, message) in rows {
+            let error = options.check().expect_err(message);
+            assert_eq!(error.to_string(), message, "the message names the option");
+        }
+    }
+
+    #[test]
+    fn limits_follow_the_number_of_primitives() {
+        let options = BuildOptions::balanced();
+        let depths = [0, 1, 2, 1 << 10, 1 << 20, (1 << 30) - 1].map(|n| options.depth_limit(n));
+        assert_eq!(
+            depths,
+            [8, 8, 9, 21, 34, 45],
+            "8 + 1.3 log2 N, rounded down"
+        );
+        assert_eq!(options.refs_limit(10), 640, "64 each");
+        assert_eq!(
+            options.clone().with_max_refs(3).refs_limit(10),
+            10,
+            "at least one each"
+        );
+    }
+}

@@ -1,0 +1,122 @@
+//! The slow builders are the oracle of the fast one, and thread counts do not show.
+
+mod common;
+
+use kd_core::{CostModel, Mesh, Tree};
+use kd_sah::{BuildOptions, Method, build};
+use kd_scene::Spd;
+use proptest::prelude::*;
+
+/// Whether two trees are equal byte for byte; says where they first differ.
+#[track_caller]
+fn assert_same(a: &Tree, b: &Tree, what: &str) {
+    let differs = a.nodes().iter().zip(b.nodes()).position(|(a, b)| a != b);
+    if let Some(at) = differs {
+        panic!(
+            "{what}: node {at} is {:?} or {:?}",
+            a.nodes()[at].view(),
+            b.nodes()[at].view()
+        );
+    }
+    assert_eq!(a.nodes().len(), b.nodes().len(), "{what}: number of nodes");
+    assert!(a.refs() == b.refs(), "{what}: references differ");
+    assert_eq!(a.bounds(), b.bounds(), "{what}: bounds");
+}
+
+#[track_caller]
+fn check_same_tree(mesh: &Mesh, options: &BuildOptions) -> Tree {
+    let by = |method| build(mesh, &options.clone().with_method(method)).expect("valid options");
+    let naive = by(Method::Naive);
+    assert_same(&naive, &by(Method::Resort), "naive and resort");
+    assert_same(&naive, &by(Method::Exact), "naive and exact");
+    naive.check_coverage(mesh).expect("nothing is missing");
+    naive
+}
+
+/// Every kind of option that decides about planes or leaves.
+fn option_rows() -> Vec<BuildOptions> {
+    let packed = CostModel {
+        traverse: 1.0,
+        intersect: 0.1,
+        lanes: 8,
+        empty_bonus: 0.8,
+    };
+    vec![
+        BuildOptions::fast(),
+        BuildOptions::balanced(),
+        BuildOptions::best(),
+        BuildOptions::best().with_cost(packed),
+        BuildOptions::best()
+            .with_retraction(false)
+            .with_bad_refines(8),
+        BuildOptions::best().with_max_depth(5),
+        BuildOptions::best().with_max_refs(40),
+        BuildOptions::best().with_cost(CostModel {
+            empty_bonus: 1.0,
+            ..CostModel::CLASSIC
+        }),
+    ]
+}
+
+#[test]
+fn slow_and_fast_builders_agree_on_scenes() {
+    for (scene, size) in [
+        (Spd::Balls, 1),
+        (Spd::Gears, 1),
+        (Spd::Mount, 5),
+        (Spd::Teapot, 3),
+        (Spd::Tetra, 5),
+        (Spd::Jacks, 2),
+        (Spd::Sombrero, 1),
+    ] {
+        let mesh = scene.generate(size).expect("a small size").mesh;
+        let tree = check_same_tree(&mesh, &BuildOptions::best());
+        assert!(
+            tree.depth() > 6,
+            "{}: a tree worth comparing, depth {}",
+            scene.name(),
+            tree.depth()
+        );
+    }
+}
+
+#[test]
+fn thread_counts_do_not_show() {
+    let mesh = Spd::Lattice.generate(4).expect("a small size").mesh;
+    assert!(
+        mesh.len() > 20_000,
+        "large enough for tasks: {}",
+        mesh.len()
+    );
+    for options in option_rows()
+        .into_iter()
+        .chain([BuildOptions::fast().with_method(Method::Median)])
+    {
+        let with =
+            |threads| build(&mesh, &options.clone().with_threads(threads)).expect("valid options");
+        let alone = with(1);
+        for threads in [0, 2, 3, 8] {
+            assert_same(
+                &alone,
+                &with(threads),
+                &format!("{threads} threads, {options:?}"),
+            );
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn slow_and_fast_builders_agree_on_nasty_meshes(mesh in common::mesh(60), row in 0_usize..8) {
+        check_same_tree(&mesh, &option_rows()[row]);
+    }
+
+    #[test]
+    fn the_median_builder_loses_nothing(mesh in common::mesh(60), small_leaf in 0_u32..4) {
+        let options = BuildOptions::balanced().with_method(Method::Median).with_small_leaf(small_leaf);
+        let tree = build(&mesh, &options).expect("valid options");
+        prop_assert_eq!(tree.check_coverage(&mesh), Ok(()));
+    }
+}
