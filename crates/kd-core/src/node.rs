@@ -6,8 +6,8 @@
 //! leaf        index of first ref      number of refs << 2 | 3
 //! ```
 //! The two children of a node are adjacent, `first` and `first + 1`, and the index is absolute in the arena: copying
-//! one node links a whole subtree into another tree. (The layout after Shi 2011 §2.3, which keeps the upper child
-//! only and finds the lower one next in memory.)
+//! one node links a whole subtree into another tree. (After Shi 2011, listing 2.1, with two tag bits and children in
+//! pairs.)
 
 use bytemuck::{Pod, Zeroable};
 

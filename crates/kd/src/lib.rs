@@ -1,0 +1,106 @@
+//! kd-trees for ray tracing: build one over a triangle mesh, then ask what rays hit.
+//!
+//! ```
+//! use kd::{BuildOptions, KdTree, Mesh, Ray};
+//!
+//! // A unit square in the plane z = 0, as two triangles.
+//! let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+//! let mesh = Mesh::new(positions, vec![[0, 1, 2], [0, 2, 3]])?;
+//! let tree = KdTree::build(mesh, &BuildOptions::balanced())?;
+//!
+//! let ray = Ray::new([0.75, 0.25, 5.0], [0.0, 0.0, -1.0]);
+//! let hit = tree.intersect(&ray).expect("the square is in the way");
+//! assert_eq!((hit.triangle, hit.t), (0, 5.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Meshes
+//!
+//! [`Mesh::new`] takes vertices and three indices per triangle, and checks them once: coordinates are finite, indices
+//! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are fine.
+#![cfg_attr(
+    feature = "io",
+    doc = "[`load_mesh`] reads OBJ and PLY files, and names the file and the line or element when something is wrong."
+)]
+//!
+//! # Building
+//!
+//! [`KdTree::build`] takes the mesh (or an `Arc` of it, to share it) and [`BuildOptions`]: one of the presets
+//! [`fast`](BuildOptions::fast), [`balanced`](BuildOptions::balanced) and [`best`](BuildOptions::best), changed by
+//! `with_…` methods where you know better. All builders clip triangles to the cells they lie in, put triangles that
+//! lie in a plane on one side, and lose nothing. The number of threads never shows in the result.
+//!
+//! ```
+//! use kd::{BuildOptions, CostModel, Method};
+//!
+//! let literature = BuildOptions::best().with_method(Method::Exact).with_cost(CostModel::CLASSIC);
+//! let on_one_thread = literature.with_threads(1);
+//! # let _ = on_one_thread;
+//! ```
+//!
+//! # Rays
+//!
+//! A [`Ray`] has an origin, a direction of any length, and a closed range of `t`, which counts in multiples of the
+//! direction. [`Ray::between`] is the open segment that shadow rays want, and [`offset_origin`] moves its start off
+//! the surface.
+//!
+//! | query | answers |
+//! |---|---|
+//! | [`KdTree::intersect`] | the closest [`Hit`] |
+//! | [`KdTree::occluded`] | whether there is any hit |
+//! | [`KdTree::hits`] | the first few hits, in order |
+//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays |
+//!
+//! Nothing a ray can hold makes a query panic: NaN, infinities, a zero direction and an inverted range are misses.
+//!
+//! ```
+//! # use kd::{BuildOptions, KdTree, Mesh, Ray};
+//! # let mesh = Mesh::new(vec![[-9.0, -9.0, 1.0], [9.0, -9.0, 1.0], [0.0, 9.0, 1.0]], vec![[0, 1, 2]])?;
+//! # let tree = KdTree::build(mesh, &BuildOptions::default())?;
+//! # let (eye, light) = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.5]);
+//! let ray = Ray::new(eye, [0.0, 0.0, 1.0]);
+//! if let Some(hit) = tree.intersect(&ray) {
+//!     let towards_eye = -tree.mesh().normal(hit.triangle);
+//!     let point = kd::offset_origin(hit.point(&ray), towards_eye);
+//!     let lit = !tree.occluded(&Ray::between(point, light));
+//!     assert!(lit);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Looking inside
+//!
+//! [`KdTree::stats`] counts what there is; its text form is what the benchmarks and snapshots show. The
+//! [`nodes`](KdTree::nodes) are plain 8-byte values ([`Node`]), ready to be sent elsewhere, and
+//! [`KdTree::intersect_counted`] tells what a ray had to do.
+//!
+//! # Features
+//!
+//! Both are on by default, and neither changes an answer. `parallel` builds on several threads (rayon); `io` adds
+//! `load_mesh`.
+#![forbid(unsafe_code)]
+
+mod tree;
+
+pub use glam;
+pub use kd_core::{
+    Aabb, Axis, CostModel, Hit, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node, NodeIndex,
+    NodeView, Ray, Tree, TreeError, TreeStats, offset_origin,
+};
+pub use kd_sah::{BuildError, BuildOptions, Method};
+#[cfg(feature = "io")]
+pub use kd_scene::{LoadError, load_mesh};
+pub use kd_trace::TraversalCounts;
+pub use tree::KdTree;
+
+/// For trees over other things than triangles: implement [`PrimSource`](custom::PrimSource), and
+/// [`build`](custom::build) gives a [`Tree`] to walk.
+pub mod custom {
+    pub use kd_core::{PrimSource, Slot};
+    pub use kd_sah::build;
+}
+
+/// The examples of the project's front page, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

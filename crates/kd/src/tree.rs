@@ -1,0 +1,123 @@
+//! A mesh with its tree.
+
+use std::sync::Arc;
+
+use kd_core::{Hit, Mesh, Node, Ray, Tree, TreeStats};
+use kd_sah::{BuildError, BuildOptions};
+use kd_trace::TraversalCounts;
+
+/// A kd-tree over a mesh, ready to trace. Queries take `&self` and may run on any number of threads.
+///
+/// Every query gives what testing all triangles in turn would give, to the bit: the same hits, equal distances
+/// settled by the lower triangle number. The triangle test is watertight (Woop, Benthin, Wald 2013): a ray cannot
+/// slip through an edge or a vertex that triangles share.
+///
+/// A ray that cannot hit anything (see [`Ray`]), and any ray on an empty mesh, is a miss and no error.
+#[derive(Clone, Debug)]
+pub struct KdTree {
+    mesh: Arc<Mesh>,
+    tree: Tree,
+}
+
+impl KdTree {
+    /// Builds a tree over a mesh, by default on all cores.
+    ///
+    /// The same mesh and options give the same tree, bit for bit, whatever the number of threads. An empty mesh gives
+    /// a tree that nothing hits.
+    ///
+    /// # Errors
+    ///
+    /// [`BuildError`] names an option that makes no sense, or says that the tree outgrew its 30-bit indices.
+    pub fn build(mesh: impl Into<Arc<Mesh>>, options: &BuildOptions) -> Result<Self, BuildError> {
+        let mesh = mesh.into();
+        let tree = kd_sah::build(&*mesh, options)?;
+        Ok(Self { mesh, tree })
+    }
+
+    /// The closest hit with `t_min <= t <= t_max`, both sides of a triangle alike.
+    pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        kd_trace::intersect(&self.tree, &self.mesh, ray)
+    }
+
+    /// Whether there is any hit with `t_min <= t <= t_max`: [`intersect`](Self::intersect)`.is_some()`, sooner.
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        kd_trace::occluded(&self.tree, &self.mesh, ray)
+    }
+
+    /// The first `max` hits along the ray, in order, each triangle once. `out` is cleared first; reuse it to save
+    /// allocations.
+    pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        kd_trace::hits(&self.tree, &self.mesh, ray, max, out);
+    }
+
+    /// The closest hit of each ray, equal to single calls. Today it is a loop over them.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.intersect(ray);
+        }
+    }
+
+    /// Whether each ray hits anything, equal to single calls. Today it is a loop over them.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        for (ray, occluded) in rays.iter().zip(occluded) {
+            *occluded = self.occluded(ray);
+        }
+    }
+
+    /// [`intersect`](Self::intersect), and what it took: for heat maps and for finding what limits speed.
+    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+        kd_trace::intersect_counted(&self.tree, &self.mesh, ray)
+    }
+
+    /// Counts, histograms, costs and sizes; linear in the number of nodes.
+    pub fn stats(&self) -> TreeStats {
+        self.tree
+            .stats()
+            .with_zero_area(self.mesh.zero_area_count())
+    }
+
+    /// The nodes, root first; child indices refer to this slice.
+    pub fn nodes(&self) -> &[Node] {
+        self.tree.nodes()
+    }
+
+    /// The mesh it was built over.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The tree without its mesh, for the functions of the crates below.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn queries_may_run_on_any_thread() {
+        fn shared<T: Send + Sync>() {}
+        shared::<KdTree>();
+        shared::<Arc<Mesh>>();
+    }
+
+    #[test]
+    #[should_panic(expected = "one hit per ray")]
+    fn batches_of_unequal_length_are_refused() {
+        let empty = Mesh::new(vec![], vec![]).expect("valid");
+        let tree = KdTree::build(empty, &BuildOptions::default()).expect("an empty tree");
+        tree.intersect_batch(&[], &mut [None]);
+    }
+}

@@ -1,0 +1,196 @@
+//! Every builder × every query against testing all triangles, on every generated scene: equal to the bit.
+
+use std::sync::Arc;
+
+use fastrand::Rng;
+use kd::glam::Vec3;
+use kd::{Aabb, BuildOptions, CostModel, Hit, KdTree, Mesh, Method, Ray};
+use kd_scene::Spd;
+use kd_trace::brute_force;
+
+/// Each scene at a size with few triangles, and how many rays meet all of them. The smallest `shells` is large.
+const SCENES: [(Spd, u32, usize); 11] = [
+    (Spd::Balls, 1, 100_000),
+    (Spd::Gears, 1, 100_000),
+    (Spd::Mount, 3, 100_000),
+    (Spd::Rings, 1, 100_000),
+    (Spd::Teapot, 3, 100_000),
+    (Spd::Tetra, 4, 100_000),
+    (Spd::Tree, 1, 100_000),
+    (Spd::Lattice, 1, 100_000),
+    (Spd::Shells, 1, 4_000),
+    (Spd::Sombrero, 1, 100_000),
+    (Spd::Jacks, 1, 100_000),
+];
+
+fn builders() -> Vec<(&'static str, BuildOptions)> {
+    let packed = CostModel {
+        traverse: 1.0,
+        intersect: 0.1,
+        lanes: 8,
+        empty_bonus: 0.8,
+    };
+    vec![
+        (
+            "median",
+            BuildOptions::balanced().with_method(Method::Median),
+        ),
+        ("fast", BuildOptions::fast()),
+        ("balanced", BuildOptions::balanced()),
+        ("best", BuildOptions::best()),
+        ("blocks of eight", BuildOptions::best().with_cost(packed)),
+    ]
+}
+
+#[test]
+fn every_query_on_every_scene_equals_brute_force() {
+    for (scene, size, count) in SCENES {
+        let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+        let rays = rays_for(&mesh, count, 1);
+        let expected: Vec<Option<Hit>> = rays
+            .iter()
+            .map(|ray| brute_force::intersect(&mesh, ray))
+            .collect();
+        let hits = expected.iter().flatten().count();
+        assert!(
+            10 * hits >= 3 * count,
+            "{}: only {hits} of {count} rays hit",
+            scene.name()
+        );
+        for (builder, options) in builders() {
+            let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
+            let what = format!("{} by {builder}", scene.name());
+            check(&tree, &rays, &expected, &what);
+        }
+    }
+}
+
+/// Multi-hit is dearer to check, so fewer rays meet it.
+#[test]
+fn ordered_hits_on_every_scene_equal_brute_force() {
+    let (mut found, mut expected) = (Vec::new(), Vec::new());
+    for (scene, size, count) in SCENES {
+        let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+        let rays = rays_for(&mesh, count / 20, 2);
+        for (builder, options) in builders() {
+            let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
+            let mut several = 0;
+            for (i, ray) in rays.iter().enumerate() {
+                let max = [1, 2, 4, usize::MAX][i % 4];
+                tree.hits(ray, max, &mut found);
+                brute_force::hits(&mesh, ray, max, &mut expected);
+                assert_eq!(
+                    found,
+                    expected,
+                    "{} by {builder}, first {max} hits of {ray:?}",
+                    scene.name()
+                );
+                several += usize::from(found.len() > 1);
+            }
+            assert!(
+                20 * several > rays.len(),
+                "{}: {several} rays with several hits",
+                scene.name()
+            );
+        }
+    }
+}
+
+#[track_caller]
+fn check(tree: &KdTree, rays: &[Ray], expected: &[Option<Hit>], what: &str) {
+    let mut hits = vec![None; rays.len()];
+    tree.intersect_batch(rays, &mut hits);
+    let mut occluded = vec![false; rays.len()];
+    tree.occluded_batch(rays, &mut occluded);
+    for ((ray, expected), (hit, occluded)) in
+        rays.iter().zip(expected).zip(hits.iter().zip(occluded))
+    {
+        assert_eq!(hit, expected, "{what}: closest hit of {ray:?}");
+        assert_eq!(occluded, expected.is_some(), "{what}: any hit of {ray:?}");
+        if let Some(hit) = hit {
+            // A range that ends at the hit holds it, and one that ends just before it holds nothing.
+            let until = ray.with_range(ray.t_min, hit.t);
+            assert_eq!(tree.intersect(&until), Some(*hit), "{what}: {until:?}");
+            let before = ray.with_range(ray.t_min, hit.t.next_down());
+            assert!(!tree.occluded(&before), "{what}: {before:?}");
+        }
+    }
+}
+
+/// Rays of all kinds in turn: across the whole, from surfaces, along axes, at vertices.
+fn rays_for(mesh: &Mesh, count: usize, seed: u64) -> Vec<Ray> {
+    let mut rng = Rng::with_seed(seed);
+    let bounds = mesh.bounds();
+    (0..count)
+        .map(|i| match i % 4 {
+            0 => across(&mut rng, &bounds),
+            1 => from_surface(&mut rng, mesh),
+            2 => along_an_axis(&mut rng, mesh),
+            _ => at_a_vertex(&mut rng, mesh, &bounds),
+        })
+        .collect()
+}
+
+fn on_sphere(rng: &mut Rng) -> Vec3 {
+    loop {
+        let p = Vec3::from_array([(); 3].map(|()| 2.0 * rng.f32() - 1.0));
+        if (1e-3..=1.0).contains(&p.length_squared()) {
+            return p.normalize();
+        }
+    }
+}
+
+fn across(rng: &mut Rng, bounds: &Aabb) -> Ray {
+    let radius = 0.5 * bounds.diagonal();
+    let [a, b] = [(); 2].map(|()| bounds.center() + radius * on_sphere(rng));
+    Ray::new(a, b - a)
+}
+
+fn point_on(rng: &mut Rng, mesh: &Mesh) -> Vec3 {
+    let [a, b, c] = mesh.corners(rng.u32(..u32::try_from(mesh.len()).expect("few")));
+    let (u, v) = (rng.f32(), rng.f32());
+    let (u, v) = if u + v > 1.0 {
+        (1.0 - u, 1.0 - v)
+    } else {
+        (u, v)
+    };
+    a * (1.0 - u - v) + b * u + c * v
+}
+
+/// From a point on some triangle, as secondary rays start; some towards another point of the surface.
+fn from_surface(rng: &mut Rng, mesh: &Mesh) -> Ray {
+    let (from, to) = (point_on(rng, mesh), point_on(rng, mesh));
+    if rng.bool() {
+        Ray::between(from, to)
+    } else {
+        Ray::new(from, to - from)
+    }
+}
+
+/// Parallel to an axis, through a vertex or a point of the surface, with zeros of either sign.
+fn along_an_axis(rng: &mut Rng, mesh: &Mesh) -> Ray {
+    let through = if rng.bool() {
+        vertex_of(rng, mesh)
+    } else {
+        point_on(rng, mesh)
+    };
+    let mut direction = Vec3::from_array([(); 3].map(|()| if rng.bool() { 0.0 } else { -0.0 }));
+    direction[rng.usize(..3)] = if rng.bool() { 1.0 } else { -2.0 };
+    let back = if rng.bool() {
+        mesh.bounds().diagonal()
+    } else {
+        0.0
+    };
+    Ray::new(through - back * direction, direction)
+}
+
+/// Aimed exactly at a vertex, from within the scene or from 10⁴ diagonals away.
+fn at_a_vertex(rng: &mut Rng, mesh: &Mesh, bounds: &Aabb) -> Ray {
+    let distance = if rng.u8(..8) == 0 { 1e4 } else { 1.0 };
+    let from = bounds.center() + distance * bounds.diagonal() * rng.f32() * on_sphere(rng);
+    Ray::new(from, vertex_of(rng, mesh) - from)
+}
+
+fn vertex_of(rng: &mut Rng, mesh: &Mesh) -> Vec3 {
+    mesh.corners(rng.u32(..u32::try_from(mesh.len()).expect("few")))[rng.usize(..3)]
+}
