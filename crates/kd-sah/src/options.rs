@@ -51,10 +51,10 @@ impl BuildOptions {
     pub const fn balanced() -> Self {
         Self {
             method: Method::Exact,
-            cost: CostModel::CLASSIC,
+            cost: CostModel::SCALAR,
             max_depth: None,
             max_refs: None,
-            small_leaf: 3,
+            small_leaf: 2,
             bad_refines: 2,
             retraction: true,
             threads: 0,

@@ -55,6 +55,7 @@ fn option_rows() -> Vec<BuildOptions> {
             empty_bonus: 1.0,
             ..CostModel::CLASSIC
         }),
+        BuildOptions::best().with_cost(CostModel::CLASSIC),
     ]
 }
 
@@ -109,7 +110,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn slow_and_fast_builders_agree_on_nasty_meshes(mesh in common::mesh(60), row in 0_usize..8) {
+    fn slow_and_fast_builders_agree_on_nasty_meshes(mesh in common::mesh(60), row in 0_usize..9) {
         check_same_tree(&mesh, &option_rows()[row]);
     }
 

@@ -1,0 +1,38 @@
+//! Scenes to build kd-trees for: mesh files, the eleven procedural scenes of the SPD, cameras.
+//!
+//! [`load_mesh`] reads OBJ and PLY files; what is wrong with a bad file is said with its line or
+//! element, never by a panic. [`Spd`] generates Eric Haines' Standard Procedural Databases, the
+//! scenes ray tracers have been compared on since 1987, the same bit for bit on every platform.
+//! [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays.
+//!
+//! ```
+//! use kd_scene::{Camera, Spd, read_obj};
+//!
+//! let gears = Spd::Gears.generate(2)?;
+//! assert_eq!(gears.mesh.len(), 8 * 572 + 2);
+//! let direction = gears.camera.ray_direction(0.5, 0.5);
+//! assert!((direction.length() - 1.0).abs() < 1e-6, "the middle of the image");
+//!
+//! let quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+//! let mesh = read_obj(quad.as_bytes(), "quad.obj")?;
+//! assert_eq!(mesh.triangles(), [[0, 1, 2], [0, 2, 3]]);
+//! let camera = Camera::looking_at_whole(mesh.bounds(), glam::Vec3::Y);
+//! assert_eq!(camera.target, glam::Vec3::new(0.5, 0.5, 0.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![forbid(unsafe_code)]
+
+mod camera;
+mod error;
+mod load;
+mod obj;
+mod ply;
+mod spd;
+
+pub use camera::{Camera, View, light_above};
+pub use error::LoadError;
+pub use load::load_mesh;
+pub use obj::read_obj;
+pub use ply::read_ply;
+pub use spd::{SceneSetup, Spd, SpdError};

@@ -1,0 +1,409 @@
+//! PLY: `ply-rs-bw` reads the header and the binary elements, one at a time.
+//!
+//! One at a time, because the crate's own loop believes the header: 71 bytes that announce 30
+//! million vertices without properties made it allocate 1.2 GB (version 4.0.1, 2026-11-23). Here
+//! every element that is read takes bytes from the file, so memory is bounded by the file. Text
+//! elements are split here: the crate's grammar refuses `.5`, `1.` and `nan`, and does not notice
+//! values left over at the end of a line.
+
+use kd_core::Mesh;
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Header, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
+
+use crate::LoadError;
+use crate::error::quoted;
+
+/// Reads a PLY file, text or binary in either byte order; `name` is used in errors only.
+///
+/// Read are the scalar properties `x`, `y`, `z` of `vertex`, of any number type, and the list
+/// `vertex_indices` or `vertex_index` of `face`, of any integer type, from 0. Other properties and
+/// elements are skipped. Vertices keep their order; faces become fans in file order. Without a
+/// `face` element the mesh has no triangles.
+///
+/// # Errors
+/// [`LoadError`] with the line (header, text) or the element (binary): a header that cannot be
+/// read or names something twice, data that ends early or is left over, bad numbers, coordinates that are not finite in
+/// `f32`, faces of fewer than three corners, indices out of range. Triangle strips
+/// (`tristrips`) are refused, not skipped.
+pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
+    let file = || name.to_owned();
+    let parser = Parser::<Row>::new();
+    let mut reader = Reader::new(bytes);
+    let header = parser.read_header(&mut reader).map_err(|error| {
+        let line = error.line().unwrap_or(1);
+        let text = bytes
+            .split(|&byte| byte == b'\n')
+            .nth(line.saturating_sub(1));
+        match text.filter(|text| !text.is_empty()) {
+            Some(text) => LoadError::BadLine {
+                file: file(),
+                line,
+                problem: format!("bad header line: {}", quoted(text)),
+            },
+            None => LoadError::BadHeader {
+                file: file(),
+                problem: "`end_header` is missing".to_owned(),
+            },
+        }
+    })?;
+    let line = reader.line();
+    let rest = reader.into_inner();
+    refuse_duplicates(&bytes[..bytes.len() - rest.len()], &header, name)?;
+    let mut source = Source {
+        name,
+        parser,
+        encoding: header.encoding,
+        line,
+        rest,
+    };
+
+    let mut positions = Vec::new();
+    let mut faces = Faces::default();
+    for element in header.elements.values() {
+        let kind = Kind::of(element).map_err(|problem| LoadError::BadHeader {
+            file: file(),
+            problem,
+        })?;
+        // An element without properties has no data, whatever its count says.
+        let count = if element.properties.is_empty() {
+            0
+        } else {
+            element.count
+        };
+        for index in 0..count {
+            let row = source.next_row(element, index)?;
+            let line = source.text_line();
+            match kind {
+                Kind::Vertex => {
+                    let position = row.position.map(nearest);
+                    if position.iter().any(|coordinate| !coordinate.is_finite()) {
+                        return Err(LoadError::NotFinite {
+                            file: file(),
+                            line,
+                            vertex: index,
+                        });
+                    }
+                    positions.push(position);
+                }
+                Kind::Face if row.corners.len() < 3 => {
+                    return Err(LoadError::TooFewCorners {
+                        file: file(),
+                        line,
+                        face: index,
+                        corners: row.corners.len(),
+                    });
+                }
+                Kind::Face => faces.push(&row.corners, line),
+                Kind::Other => {}
+            }
+        }
+    }
+    // A line end behind the data is common and harmless.
+    let left = source.rest.trim_ascii();
+    if !left.is_empty() {
+        return Err(LoadError::LeftOver {
+            file: file(),
+            bytes: left.len(),
+        });
+    }
+    let triangles = faces.fans(positions.len(), name)?;
+    Mesh::new(positions, triangles).map_err(|source| LoadError::Mesh {
+        file: file(),
+        source,
+    })
+}
+
+/// The mesh is `f32`: what does not fit becomes infinite, and is refused as such.
+#[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+fn nearest(coordinate: f64) -> f32 {
+    coordinate as f32
+}
+
+/// What an element is to a mesh.
+#[derive(Clone, Copy)]
+enum Kind {
+    Vertex,
+    Face,
+    Other,
+}
+
+impl Kind {
+    /// Tells by the name, and checks that the properties needed are there.
+    fn of(element: &ElementDef) -> Result<Self, String> {
+        let types = &element.properties;
+        match element.name.as_str() {
+            "vertex" => {
+                for axis in ["x", "y", "z"] {
+                    let found = types.get(axis).map(|property| &property.data_type);
+                    if !matches!(found, Some(PropertyType::Scalar(_))) {
+                        return Err(format!("`vertex` has no number `{axis}`"));
+                    }
+                }
+                Ok(Self::Vertex)
+            }
+            "face" => {
+                let mut lists = types.iter().filter(|(name, _)| is_corner_list(name));
+                let (Some((name, list)), None) = (lists.next(), lists.next()) else {
+                    return Err(
+                        "`face` needs one of the lists `vertex_indices` and `vertex_index`"
+                            .to_owned(),
+                    );
+                };
+                if !is_integer_list(&list.data_type) {
+                    return Err(format!("`{name}` is not a list of integers"));
+                }
+                Ok(Self::Face)
+            }
+            "tristrips" => Err("triangle strips are not supported".to_owned()),
+            _ => Ok(Self::Other),
+        }
+    }
+}
+
+/// The crate keeps the last of two elements, or two properties, of one name and forgets the other,
+/// so that the data would be read out of step.
+fn refuse_duplicates(text: &[u8], header: &Header, name: &str) -> Result<(), LoadError> {
+    let lines_with = |keyword: &[u8]| {
+        let lines = text.split(|&byte| byte == b'\n');
+        lines.filter(|line| line.starts_with(keyword)).count()
+    };
+    let kept = header.elements.values().map(|it| it.properties.len());
+    let kept = kept.sum::<usize>() + header.elements.len();
+    if kept == lines_with(b"element") + lines_with(b"property") {
+        return Ok(());
+    }
+    Err(LoadError::BadHeader {
+        file: name.to_owned(),
+        problem: "two elements or two properties have the same name".to_owned(),
+    })
+}
+
+fn is_integer_list(data_type: &PropertyType) -> bool {
+    let integer = |scalar: &ScalarType| !matches!(scalar, ScalarType::Float | ScalarType::Double);
+    matches!(data_type, PropertyType::List(count, item) if integer(count) && integer(item))
+}
+
+/// Faces as read. They may stand before the vertices, so indices are checked at the end.
+#[derive(Default)]
+struct Faces {
+    corners: Vec<i64>,
+    /// Where each face ends in `corners`.
+    ends: Vec<usize>,
+    /// The line of each face, in a text file.
+    lines: Vec<usize>,
+}
+
+impl Faces {
+    fn push(&mut self, corners: &[i64], line: Option<usize>) {
+        self.corners.extend_from_slice(corners);
+        self.ends.push(self.corners.len());
+        self.lines.extend(line);
+    }
+
+    fn fans(&self, vertices: usize, name: &str) -> Result<Vec<[u32; 3]>, LoadError> {
+        let mut triangles = Vec::with_capacity(self.corners.len() - 2 * self.ends.len());
+        let mut polygon = Vec::new();
+        let mut start = 0;
+        for (face, &end) in self.ends.iter().enumerate() {
+            polygon.clear();
+            for &index in &self.corners[start..end] {
+                match u32::try_from(index) {
+                    Ok(corner) if (corner as usize) < vertices => polygon.push(corner),
+                    _ => {
+                        return Err(LoadError::IndexOutOfRange {
+                            file: name.to_owned(),
+                            line: self.lines.get(face).copied(),
+                            face,
+                            index,
+                            vertices,
+                        });
+                    }
+                }
+            }
+            let fan = polygon[1..].windows(2);
+            triangles.extend(fan.map(|edge| [polygon[0], edge[0], edge[1]]));
+            start = end;
+        }
+        Ok(triangles)
+    }
+}
+
+/// The part of one element that makes a mesh.
+#[derive(Default)]
+struct Row {
+    position: [f64; 3],
+    corners: Vec<i64>,
+}
+
+impl Row {
+    fn set(&mut self, property: &str, value: f64) -> PropertyAccessResult {
+        let axis = match property {
+            "x" => 0,
+            "y" => 1,
+            "z" => 2,
+            _ => return PropertyAccessResult::Ignored,
+        };
+        self.position[axis] = value;
+        PropertyAccessResult::Set
+    }
+
+    fn set_list<T: Into<i64>>(&mut self, property: &str, list: Vec<T>) -> PropertyAccessResult {
+        if !is_corner_list(property) {
+            return PropertyAccessResult::Ignored;
+        }
+        self.corners = list.into_iter().map(Into::into).collect();
+        PropertyAccessResult::Set
+    }
+}
+
+fn is_corner_list(property: &str) -> bool {
+    matches!(property, "vertex_indices" | "vertex_index")
+}
+
+macro_rules! setters {
+    ($($scalar:ident $list:ident $type:ty),*) => {$(
+        fn $scalar(&mut self, property: &str, value: $type) -> PropertyAccessResult {
+            self.set(property, f64::from(value))
+        }
+        fn $list(&mut self, property: &str, list: Vec<$type>) -> PropertyAccessResult {
+            self.set_list(property, list)
+        }
+    )*};
+}
+
+impl PropertyAccess for Row {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    setters!(
+        set_char set_list_char i8, set_uchar set_list_uchar u8,
+        set_short set_list_short i16, set_ushort set_list_ushort u16,
+        set_int set_list_int i32, set_uint set_list_uint u32
+    );
+
+    fn set_float(&mut self, property: &str, value: f32) -> PropertyAccessResult {
+        self.set(property, f64::from(value))
+    }
+
+    fn set_double(&mut self, property: &str, value: f64) -> PropertyAccessResult {
+        self.set(property, value)
+    }
+}
+
+/// What follows the header.
+struct Source<'a> {
+    name: &'a str,
+    parser: Parser<Row>,
+    encoding: Encoding,
+    rest: &'a [u8],
+    /// The line `rest` starts with; after a text element, the line behind it.
+    line: usize,
+}
+
+impl<'a> Source<'a> {
+    /// The line of the last element read, if the file is text.
+    fn text_line(&self) -> Option<usize> {
+        (self.encoding == Encoding::Ascii).then(|| self.line - 1)
+    }
+
+    fn next_row(&mut self, element: &ElementDef, index: usize) -> Result<Row, LoadError> {
+        let row = match self.encoding {
+            Encoding::Ascii => {
+                let Some(text) = self.next_line() else {
+                    return Err(self.truncated(element, index));
+                };
+                return text_row(text, element).map_err(|problem| LoadError::BadLine {
+                    file: self.name.to_owned(),
+                    line: self.line - 1,
+                    problem: format!("{} {index}: {problem}: {}", element.name, quoted(text)),
+                });
+            }
+            Encoding::BinaryBigEndian => {
+                self.parser.read_big_endian_element(&mut self.rest, element)
+            }
+            Encoding::BinaryLittleEndian => self
+                .parser
+                .read_little_endian_element(&mut self.rest, element),
+        };
+        row.map_err(|error| match error.kind() {
+            std::io::ErrorKind::UnexpectedEof => self.truncated(element, index),
+            _ => LoadError::BadElement {
+                file: self.name.to_owned(),
+                element: element.name.clone(),
+                index,
+                problem: error
+                    .to_string()
+                    .lines()
+                    .next()
+                    .unwrap_or_default()
+                    .to_owned(),
+            },
+        })
+    }
+
+    /// The next line that is not blank.
+    fn next_line(&mut self) -> Option<&'a [u8]> {
+        while !self.rest.is_empty() {
+            let end = self.rest.iter().position(|&byte| byte == b'\n');
+            let end = end.unwrap_or(self.rest.len());
+            let line = self.rest[..end].trim_ascii();
+            self.rest = self.rest.get(end + 1..).unwrap_or_default();
+            self.line += 1;
+            if !line.is_empty() {
+                return Some(line);
+            }
+        }
+        None
+    }
+
+    fn truncated(&self, element: &ElementDef, index: usize) -> LoadError {
+        LoadError::Truncated {
+            file: self.name.to_owned(),
+            element: element.name.clone(),
+            index,
+            count: element.count,
+        }
+    }
+}
+
+fn text_row(line: &[u8], element: &ElementDef) -> Result<Row, &'static str> {
+    let text = std::str::from_utf8(line).map_err(|_| "not text")?;
+    let mut words = text.split_ascii_whitespace();
+    let mut row = Row::default();
+    for (property, definition) in &element.properties {
+        let word = words.next().ok_or("too few values")?;
+        match definition.data_type {
+            PropertyType::Scalar(ref scalar) => {
+                row.set(property, number(word, scalar)?);
+            }
+            PropertyType::List(_, ref scalar) => {
+                let count: usize = word.parse().map_err(|_| "bad list count")?;
+                let corners = is_corner_list(property);
+                for _ in 0..count {
+                    let word = words.next().ok_or("too few values")?;
+                    if corners {
+                        row.corners.push(word.parse().map_err(|_| "bad number")?);
+                    } else {
+                        number(word, scalar)?;
+                    }
+                }
+            }
+        }
+    }
+    match words.next() {
+        None => Ok(row),
+        Some(_) => Err("more values than the header declares"),
+    }
+}
+
+/// Reads a number as the declared type would hold it, so that text and binary files agree.
+fn number(word: &str, scalar: &ScalarType) -> Result<f64, &'static str> {
+    match scalar {
+        ScalarType::Float => word.parse::<f32>().map(f64::from),
+        _ => word.parse::<f64>(),
+    }
+    .map_err(|_| "bad number")
+}

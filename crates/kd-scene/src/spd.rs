@@ -1,0 +1,267 @@
+//! The Standard Procedural Databases of Eric Haines: eleven scenes that grow with a size.
+//!
+//! Primitives are tessellated as the databases' own tools do: see [`tessellate`]. Positions are
+//! worked out in `f64` and rounded once. Sine, cosine, tangent and exponential come from `libm`, a
+//! port in plain Rust: the standard library's are the platform's, which differ in the last bit, and
+//! a benchmark must build the same tree everywhere.
+
+mod balls;
+mod gears;
+mod jacks;
+mod lattice;
+mod mount;
+mod rings;
+mod shells;
+mod sombrero;
+mod teapot;
+mod tessellate;
+mod tetra;
+mod tree;
+
+use std::fmt;
+use std::str::FromStr;
+
+use glam::Vec3;
+use kd_core::{Mesh, MeshError};
+use thiserror::Error;
+
+use crate::Camera;
+
+/// A mesh with everything needed to look at it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneSetup {
+    /// For example `balls-4`.
+    pub name: String,
+    /// The triangles, in the order in which the scene's rules produce them.
+    pub mesh: Mesh,
+    /// The view the scene is meant to be seen from.
+    pub camera: Camera,
+    /// Positions of point lights; at least one.
+    pub lights: Vec<Vec3>,
+}
+
+/// One of the procedural scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Spd {
+    /// Spheres on spheres, ever smaller, over a large floor: very uneven density.
+    Balls,
+    /// Gears in a cube: coplanar caps, long thin triangles, flat faces on shared planes.
+    Gears,
+    /// A fractal height field and four spheres.
+    Mount,
+    /// A pyramid of interlocking rings before a wall.
+    Rings,
+    /// Newell's teapot on a board.
+    Teapot,
+    /// A Sierpinski tetrahedron: many shared corners, all planes oblique.
+    Tetra,
+    /// A tree of cones on a huge field: long thin triangles, very uneven density.
+    Tree,
+    /// A regular lattice of spheres and cylinders: uniform, axis-aligned.
+    Lattice,
+    /// A spiral of spheres that overlap heavily, over decades of size: no plane separates much.
+    Shells,
+    /// A smooth height field over a uniform grid.
+    Sombrero,
+    /// Crosses of cylinders and spheres inside one another.
+    Jacks,
+}
+
+/// Why a scene was not generated.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum SpdError {
+    /// Sizes start at 1.
+    #[error("scene {scene}: size must be at least 1")]
+    SizeZero {
+        /// The scene asked for.
+        scene: Spd,
+    },
+    /// The scene would have more than [`Spd::MAX_TRIANGLES`] triangles.
+    #[error(
+        "scene {scene} of size {size} has more than {} triangles",
+        Spd::MAX_TRIANGLES
+    )]
+    TooLarge {
+        /// The scene asked for.
+        scene: Spd,
+        /// The size asked for.
+        size: u32,
+    },
+    /// No scene has this name.
+    #[error("no scene is called `{name}`, expected one of {}", names())]
+    UnknownName {
+        /// The name asked for.
+        name: String,
+    },
+    /// The generated mesh was refused. That is a fault of this crate.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
+
+fn names() -> String {
+    Spd::ALL.map(Spd::name).join(", ")
+}
+
+impl Spd {
+    /// The most triangles that [`generate`](Self::generate) makes. Their arrays take up to 0.8 GB.
+    pub const MAX_TRIANGLES: u64 = 1 << 25;
+
+    /// All scenes, in the customary order.
+    pub const ALL: [Self; 11] = [
+        Self::Balls,
+        Self::Gears,
+        Self::Mount,
+        Self::Rings,
+        Self::Teapot,
+        Self::Tetra,
+        Self::Tree,
+        Self::Lattice,
+        Self::Shells,
+        Self::Sombrero,
+        Self::Jacks,
+    ];
+
+    /// The name in lower case, as [`FromStr`] reads it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Balls => "balls",
+            Self::Gears => "gears",
+            Self::Mount => "mount",
+            Self::Rings => "rings",
+            Self::Teapot => "teapot",
+            Self::Tetra => "tetra",
+            Self::Tree => "tree",
+            Self::Lattice => "lattice",
+            Self::Shells => "shells",
+            Self::Sombrero => "sombrero",
+            Self::Jacks => "jacks",
+        }
+    }
+
+    /// The size the original program takes if none is given.
+    pub const fn default_size(self) -> u32 {
+        match self {
+            Self::Balls | Self::Gears => 4,
+            Self::Mount | Self::Teapot | Self::Tetra => 6,
+            Self::Rings => 7,
+            Self::Tree => 11,
+            Self::Lattice => 12,
+            Self::Shells => 5,
+            Self::Sombrero | Self::Jacks => 1,
+        }
+    }
+
+    /// How many triangles the scene has at `size`, or `None` if that is more than
+    /// [`MAX_TRIANGLES`](Self::MAX_TRIANGLES) or `size` is 0.
+    pub fn triangles(self, size: u32) -> Option<u64> {
+        // Every scene has at least size^2 triangles, or the power it is asked for below: what this
+        // turns away is too large anyway, and what it lets through fits 64 bits.
+        if size == 0 || size > 1 << 13 {
+            return None;
+        }
+        let power = |base: u64| {
+            base.checked_pow(size)
+                .filter(|&power| power <= Self::MAX_TRIANGLES)
+        };
+        let s = u64::from(size);
+        let (sphere, cone, small_jack) = (192, 32, 336);
+        let count = match self {
+            Self::Balls => sphere * ((9 * power(9)? - 1) / 8) + 2,
+            Self::Gears => 572 * s.pow(3) + 2,
+            Self::Mount => 2 * power(4)? + 4 * sphere,
+            Self::Rings => 5 * s * (s + 1) * (2 * s + 1) * (sphere + cone) + 2,
+            Self::Teapot => 66 * s * s - 8 * s,
+            Self::Tetra => power(4)?,
+            Self::Tree => (2 * power(2)? - 1) * (sphere + cone) + 2,
+            Self::Lattice => sphere * (s + 1).pow(3) + cone * 3 * s * (s + 1).pow(2),
+            Self::Shells => sphere * (180 * power(2)? + 1),
+            Self::Sombrero => 2 * (16 * power(2)? - 1).pow(2),
+            Self::Jacks => small_jack * ((power(8)? - 1) / 7),
+        };
+        (count <= Self::MAX_TRIANGLES).then_some(count)
+    }
+
+    /// Makes the scene. Its mesh has exactly [`triangles`](Self::triangles) triangles; time and
+    /// memory are in proportion.
+    ///
+    /// # Errors
+    /// [`SpdError::SizeZero`], or [`SpdError::TooLarge`] before anything is allocated.
+    ///
+    /// ```
+    /// use kd_scene::Spd;
+    ///
+    /// let scene = Spd::Tetra;
+    /// let setup = scene.generate(scene.default_size())?;
+    /// assert_eq!((setup.name.as_str(), setup.mesh.len()), ("tetra-6", 4096));
+    /// assert!(scene.generate(100).is_err());
+    /// # Ok::<(), kd_scene::SpdError>(())
+    /// ```
+    pub fn generate(self, size: u32) -> Result<SceneSetup, SpdError> {
+        if size == 0 {
+            return Err(SpdError::SizeZero { scene: self });
+        }
+        if self.triangles(size).is_none() {
+            return Err(SpdError::TooLarge { scene: self, size });
+        }
+        let (draft, look) = match self {
+            Self::Balls => balls::make(size),
+            Self::Gears => gears::make(size),
+            Self::Mount => mount::make(size),
+            Self::Rings => rings::make(size),
+            Self::Teapot => teapot::make(size),
+            Self::Tetra => tetra::make(size),
+            Self::Tree => tree::make(size),
+            Self::Lattice => lattice::make(size),
+            Self::Shells => shells::make(size),
+            Self::Sombrero => sombrero::make(size),
+            Self::Jacks => jacks::make(size),
+        };
+        Ok(SceneSetup {
+            name: format!("{self}-{size}"),
+            mesh: draft.into_mesh()?,
+            camera: look.camera,
+            lights: look.lights,
+        })
+    }
+}
+
+impl fmt::Display for Spd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Spd {
+    type Err = SpdError;
+
+    fn from_str(name: &str) -> Result<Self, SpdError> {
+        let mut all = Self::ALL.into_iter();
+        all.find(|scene| scene.name() == name)
+            .ok_or_else(|| SpdError::UnknownName {
+                name: name.to_owned(),
+            })
+    }
+}
+
+/// The camera and the lights of a scene.
+struct Look {
+    camera: Camera,
+    lights: Vec<Vec3>,
+}
+
+/// The look most scenes have: 45 degrees, up along +z.
+fn look(eye: [f32; 3], target: [f32; 3], lights: &[[f32; 3]]) -> Look {
+    Look {
+        camera: Camera {
+            eye: eye.into(),
+            target: target.into(),
+            up: Vec3::Z,
+            fov_degrees: 45.0,
+        },
+        lights: lights.iter().map(|&light| light.into()).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,48 @@
+//! sombrero: a hat-shaped height field.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::tessellate::Draft;
+use super::{Look, look};
+use crate::Camera;
+
+pub(super) fn make(size: u32) -> (Draft, Look) {
+    let mut draft = Draft::default();
+    let side = 16 << size;
+    let mut corners = Vec::new();
+    for row in 0..side {
+        for column in 0..side {
+            // The brim is cut where the original cuts it, one step before +4 ...
+            let sample = |step: u32| 8.0 * f64::from(step) / f64::from(side) - 4.0;
+            let distance = libm::hypot(sample(column), sample(row));
+            let height = 3.0 * libm::cos(TAU * distance) * libm::exp(-distance);
+            // ... and then stretched to the whole of the field, whose heights run along y.
+            let place = |step: u32| 8.0 * f64::from(step) / f64::from(side - 1) - 4.0;
+            corners.push(draft.vertex(DVec3::new(place(column), height, place(row))));
+        }
+    }
+    let corner = |row: u32, column: u32| corners[(row * side + column) as usize];
+    for row in 0..side - 1 {
+        for column in 0..side - 1 {
+            draft.quad([
+                corner(row, column),
+                corner(row + 1, column),
+                corner(row + 1, column + 1),
+                corner(row, column + 1),
+            ]);
+        }
+    }
+    let Look { camera, lights } = look([0.0, 5.0, -8.0], [0.0; 3], &[[10.0, 10.0, -10.0]]);
+    (
+        draft,
+        Look {
+            camera: Camera {
+                fov_degrees: 40.0,
+                ..camera
+            },
+            lights,
+        },
+    )
+}

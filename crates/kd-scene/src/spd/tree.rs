@@ -1,0 +1,54 @@
+//! tree: Aono and Kunii's tree of cones, on a huge field.
+
+use glam::{DMat3, DVec3};
+
+use super::balls::rotation;
+use super::tessellate::{Draft, RESOLUTION, UnitSphere};
+use super::{Look, look};
+
+/// How much thinner a branch is than its parent, and its tip than its base.
+const TAPER: f64 = 0.67;
+
+pub(super) fn make(size: u32) -> (Draft, Look) {
+    let mut draft = Draft::default();
+    draft.floor(DVec3::ZERO, 50.0);
+    // Length against the parent, tilt away from it, turn around it.
+    let forks = [(0.65, 40.0, 90.0), (0.70, 25.0, 230.0)];
+    let grower = Grower {
+        unit: UnitSphere::new(RESOLUTION),
+        forks: forks.map(|(length, tilt, turn): (f64, f64, f64)| {
+            let tilt = rotation(DVec3::X, tilt.to_radians());
+            rotation(DVec3::Z, turn.to_radians()) * tilt * length
+        }),
+    };
+    grower.grow(&mut draft, size, DVec3::ZERO, DMat3::IDENTITY, 0.15);
+    let lights = [
+        [-5.0, 5.0, 50.0],
+        [30.0, -30.0, 30.0],
+        [-40.0, -30.0, 20.0],
+        [10.0, 30.0, 40.0],
+        [-30.0, 40.0, 10.0],
+        [50.0, 25.0, 20.0],
+        [-10.0, -60.0, 30.0],
+    ];
+    (draft, look([4.5, 0.4, 2.0], [0.0, 0.0, 1.5], &lights))
+}
+
+struct Grower {
+    unit: UnitSphere,
+    forks: [DMat3; 2],
+}
+
+impl Grower {
+    /// A branch from `base` along the z of `frame`, and two on its tip, `depth` times over.
+    fn grow(&self, draft: &mut Draft, depth: u32, base: DVec3, frame: DMat3, radius: f64) {
+        let tip = base + frame.z_axis;
+        draft.cone(RESOLUTION, (base, radius), (tip, TAPER * radius));
+        draft.sphere(&self.unit, tip, TAPER * radius);
+        if depth > 0 {
+            for fork in self.forks {
+                self.grow(draft, depth - 1, tip, frame * fork, TAPER * radius);
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Any bytes through the PLY reader.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    kd_fuzz::check(bytes, |bytes| kd_scene::read_ply(bytes, "fuzz"));
+});
