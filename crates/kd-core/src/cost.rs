@@ -41,7 +41,11 @@ impl CostModel {
     /// Cost of testing a leaf of `count` references, once a ray is in it.
     #[inline]
     pub fn leaf(&self, count: usize) -> f64 {
-        let slots = count.div_ceil(self.lanes as usize) * self.lanes as usize;
+        let slots = match self.lanes as usize {
+            // Builders ask for every candidate plane: spare them the division.
+            1 => count,
+            lanes => count.div_ceil(lanes) * lanes,
+        };
         f64::from(self.intersect) * slots as f64
     }
 }

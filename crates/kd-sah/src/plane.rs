@@ -49,17 +49,53 @@ pub(crate) struct Counts {
 /// Looks for the best plane of one cell; every chooser offers its candidates here, so that they agree on cost and ties.
 pub(crate) struct BestPlane<'a> {
     model: &'a CostModel,
-    cell: &'a Aabb,
-    inverse_half_area: f64,
+    sides: [Sides; 3],
     best: Option<Plane>,
 }
 
+/// The chances of entering either part of a cell, as linear functions of where it is cut along an axis.
+#[derive(Clone, Copy)]
+struct Sides {
+    min: f32,
+    max: f32,
+    /// Chance of entering a part of no thickness: the area of the face cut out, over the half area of the cell.
+    face: f64,
+    /// What each unit of thickness adds: the sum of the two edges of that face, over the same.
+    per_length: f64,
+}
+
+impl Sides {
+    fn of(cell: &Aabb, axis: Axis) -> Self {
+        let extent = cell.max.as_dvec3() - cell.min.as_dvec3();
+        let (a, b) = (
+            extent[axis.next().index()],
+            extent[axis.next().next().index()],
+        );
+        let inverse = 1.0 / cell.half_area();
+        Self {
+            min: cell.min[axis.index()],
+            max: cell.max[axis.index()],
+            face: a * b * inverse,
+            per_length: (a + b) * inverse,
+        }
+    }
+
+    /// Chances of entering the lower and the upper part, for a ray that enters the cell.
+    #[inline]
+    fn chances(&self, position: f32) -> (f64, f64) {
+        let position = f64::from(position);
+        (
+            self.face + self.per_length * (position - f64::from(self.min)),
+            self.face + self.per_length * (f64::from(self.max) - position),
+        )
+    }
+}
+
 impl<'a> BestPlane<'a> {
-    pub(crate) fn new(model: &'a CostModel, cell: &'a Aabb) -> Self {
+    pub(crate) fn new(model: &'a CostModel, cell: &Aabb) -> Self {
         Self {
             model,
-            cell,
-            inverse_half_area: 1.0 / cell.half_area(),
+            sides: Axis::ALL.map(|axis| Sides::of(cell, axis)),
             best: None,
         }
     }
@@ -70,30 +106,14 @@ impl<'a> BestPlane<'a> {
     /// half area over the cell's, with a bonus where a side is empty.
     #[inline]
     pub(crate) fn offer(&mut self, axis: Axis, position: f32, counts: Counts) {
-        let (min, max) = (self.cell.min[axis.index()], self.cell.max[axis.index()]);
-        if !(min < position && position < max) {
+        let sides = self.sides[axis.index()];
+        if !(sides.min < position && position < sides.max) {
             return;
         }
-        let (lower_cell, upper_cell) = self.cell.split(axis, position);
-        let chance_lower = lower_cell.half_area() * self.inverse_half_area;
-        let chance_upper = upper_cell.half_area() * self.inverse_half_area;
-        self.offer_side(
-            axis,
-            position,
-            counts,
-            Side::Lower,
-            chance_lower,
-            chance_upper,
-        );
+        let chances = sides.chances(position);
+        self.offer_side(axis, position, counts, Side::Lower, chances);
         if counts.planar > 0 {
-            self.offer_side(
-                axis,
-                position,
-                counts,
-                Side::Upper,
-                chance_lower,
-                chance_upper,
-            );
+            self.offer_side(axis, position, counts, Side::Upper, chances);
         }
     }
 
@@ -104,8 +124,7 @@ impl<'a> BestPlane<'a> {
         position: f32,
         counts: Counts,
         planar_side: Side,
-        chance_lower: f64,
-        chance_upper: f64,
+        (chance_lower, chance_upper): (f64, f64),
     ) {
         let (lower, upper) = match planar_side {
             Side::Lower => (counts.lower + counts.planar, counts.upper),
