@@ -68,13 +68,17 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Length of the diagonal, in scene units; 0 for an empty box.
+    /// Length of the diagonal, in scene units; 0 for an empty box, infinite only where f32 does not hold it.
     #[inline]
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "computed in f64 so that squares neither overflow nor vanish, then rounded"
+    )]
     pub fn diagonal(&self) -> f32 {
         if self.is_empty() {
             0.0
         } else {
-            self.extent().length()
+            (self.max.as_dvec3() - self.min.as_dvec3()).length() as f32
         }
     }
 
@@ -128,6 +132,11 @@ mod tests {
         let huge = Aabb::around([Vec3::splat(-3e38), Vec3::splat(3e38)]);
         assert!(huge.half_area().is_finite(), "f64 holds (6e38)^2");
         assert_eq!(huge.center(), Vec3::ZERO, "halves first");
+        let tiny = Aabb::around([Vec3::ZERO, Vec3::new(3e-30, 4e-30, 0.0)]);
+        assert!(
+            (tiny.diagonal() / 5e-30 - 1.0).abs() < 1e-6,
+            "squares in f64"
+        );
     }
 
     #[test]

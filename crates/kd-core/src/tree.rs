@@ -155,12 +155,13 @@ impl Tree {
                 let (axis, split) = (axis.index(), f64::from(split));
                 let reaches_lower = polygon.iter().any(|p| p[axis] < split - slack);
                 let reaches_upper = polygon.iter().any(|p| p[axis] > split + slack);
+                // Clipped even where the other part is too thin to matter: it may be wide along another axis.
+                let lower = part_below(&polygon, axis, split, 1.0);
+                let upper = part_below(&polygon, axis, split, -1.0);
                 match (reaches_lower, reaches_upper) {
-                    (true, false) => self.covers(slot, first, polygon, slack),
-                    (false, true) => self.covers(slot, first.sibling(), polygon, slack),
+                    (true, false) => self.covers(slot, first, lower, slack),
+                    (false, true) => self.covers(slot, first.sibling(), upper, slack),
                     (true, true) => {
-                        let lower = part_below(&polygon, axis, split, 1.0);
-                        let upper = part_below(&polygon, axis, split, -1.0);
                         self.covers(slot, first, lower, slack)?;
                         self.covers(slot, first.sibling(), upper, slack)
                     }

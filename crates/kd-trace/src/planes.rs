@@ -1,0 +1,174 @@
+//! Where a ray crosses planes, with a bound of every error between a plane and a reported hit.
+//!
+//! Distances along the ray are measured here in *steps*: `t` times the power of two that brings the largest
+//! component of the direction into [1, 2). That is exact, and neither very long nor very short directions come near
+//! the ends of f32.
+//!
+//! # The bound
+//!
+//! Let W be the longest side of the tree's box, R the largest component of (corner - origin), C the largest
+//! coordinate. A reported hit stands for a point P of its triangle (see [`triangle`](crate::triangle)) such that, on
+//! each axis,
+//!
+//! - P lies within 2⁻²⁵ W of the ray: sheared coordinates of a triangle that surrounds the ray are at most 2W (the
+//!   shear is at most 1), and rounding them to 26 bits moves P by 2⁻²⁶ of that;
+//! - computing in f64 adds at most 2⁻⁴⁹ R, in P and in its distance;
+//! - the reported `t` is that of P rounded to f32: a relative error of 2⁻²⁴, or where it underflows an absolute one
+//!   of 2⁻¹⁵⁰;
+//! - directions below 2⁻⁶⁰ of the largest are taken for 2⁻⁶⁰, which moves the ray by at most 2⁻⁵⁹ R at P.
+//!
+//! The tree leads to P's triangle wherever P is, up to the rounding of clipping in f64, 2⁻⁴⁹ C, and to what
+//! [`Tree::check_coverage`](kd_core::Tree::check_coverage) tolerates, 2⁻²⁹ W.
+//!
+//! A plane at `s` is crossed at `(s - o) / d`, which f32 gives up to a relative error of 3 · 2⁻²⁴ (three roundings of
+//! exact operands). If P lies below the plane, and the direction points up, then P's `t` cannot be larger than the
+//! crossing by more than all of this together. So for each axis the crossing is an interval, wider than the proof
+//! asks for by a factor of three or more:
+//!
+//! ```text
+//! crossing ± (2⁻²⁰ |crossing| + |1/d| (2⁻²³ W + 2⁻⁴⁶ (R + C) + smallest normal) + 2⁻¹⁴⁷ steps per t)
+//! ```
+//!
+//! A ray leaves the near side of a plane at the interval's end, and enters the far side at its start. So the spans
+//! of all cells on the path to P contain the `t` that is reported for P, and nothing else needs a bound: a cell may
+//! be passed over as soon as a hit is known whose `t` lies before the cell's span.
+//! (T. Ize, *Robust BVH Ray Traversal*, JCGT 2(2), 2013, bounds the slabs of boxes in this manner; a kd-tree needs
+//! the errors of the hit as well, because it cuts triangles.)
+//!
+//! Where anything overflows, an interval end becomes infinite or NaN, and every comparison is written so that NaN
+//! visits. Such rays are slow, not wrong.
+
+use glam::Vec3;
+use kd_core::{Aabb, Ray};
+
+use crate::float::{max, min};
+
+/// Directions below this fraction of the largest are taken for it: 2⁻⁶⁰, inverted.
+const STEEPEST: f64 = (1_u64 << 60) as f64;
+/// 2⁻²⁰.
+const RELATIVE: f32 = 1.0 / (1 << 20) as f32;
+/// 2⁻²³, of the longest side.
+const PER_SIDE: f32 = 1.0 / (1 << 23) as f32;
+/// 2⁻⁴⁶, of distances and coordinates.
+const PER_REACH: f32 = 1.0 / (1_u64 << 46) as f32;
+/// 2⁻¹⁴⁷, in units of `t`.
+const PER_STEP: f32 = f32::from_bits(4);
+
+/// A ray, ready to be asked about planes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RayPlanes {
+    /// One for each axis. The last is for the tag of a leaf: never asked, it saves a bounds check.
+    axes: [AxisPlanes; 4],
+    /// How many steps `t = 1` is.
+    steps: f32,
+    /// The largest component of (corner - origin), up to rounding.
+    reach: f32,
+}
+
+/// A ray and the planes across one axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct AxisPlanes {
+    origin: f32,
+    /// Steps per unit of this axis. Never zero, infinite or NaN.
+    inverse: f32,
+    /// The part of the bound that does not depend on the crossing.
+    pad: f32,
+    /// Which child comes first: 0 for the lower one, 1 for the upper.
+    near: u32,
+}
+
+/// Where a plane is crossed, in steps. Either may be infinite or NaN.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Crossing {
+    /// The far side starts here or later.
+    pub(crate) first: f32,
+    /// The near side ends here or earlier.
+    pub(crate) last: f32,
+    /// Which child is on the near side: 0 or 1.
+    pub(crate) near: u32,
+}
+
+/// A part of a ray, in steps. Neither is NaN.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Span {
+    pub(crate) enter: f32,
+    pub(crate) exit: f32,
+}
+
+impl RayPlanes {
+    /// The ray must be finite with a direction, and the box not empty.
+    pub(crate) fn new(ray: &Ray, bounds: &Aabb) -> Self {
+        // The largest power of two not above the largest component. (f32 are normal numbers in f64, so that the
+        // exponent is there to be cut out.)
+        const EXPONENT: u64 = 0x7ff << 52;
+        let largest = f64::from(ray.direction.abs().max_element());
+        let unit = f64::from_bits(largest.to_bits() & EXPONENT);
+
+        let side = bounds.extent().max_element();
+        let from_origin = |corner: Vec3| (corner - ray.origin).abs().max_element();
+        let reach = from_origin(bounds.min).max(from_origin(bounds.max));
+        let coordinate = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let distance = PER_SIDE * side + PER_REACH * (reach + coordinate) + f32::MIN_POSITIVE;
+
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "a power of two that f32 has, and a quotient that may round"
+        )]
+        let (steps, inverse) = (
+            unit as f32,
+            (ray.direction.as_dvec3() / unit)
+                .recip()
+                .clamp(glam::DVec3::splat(-STEEPEST), glam::DVec3::splat(STEEPEST))
+                .as_vec3(),
+        );
+        let mut axes = [AxisPlanes::default(); 4];
+        for (k, axis) in axes.iter_mut().take(3).enumerate() {
+            *axis = AxisPlanes {
+                origin: ray.origin[k],
+                inverse: inverse[k],
+                pad: distance * inverse[k].abs() + PER_STEP * steps,
+                near: u32::from(inverse[k] < 0.0),
+            };
+        }
+        Self { axes, steps, reach }
+    }
+
+    /// The largest component of (corner - origin) over the box, up to rounding; infinite if it overflows.
+    pub(crate) fn reach(&self) -> f32 {
+        self.reach
+    }
+
+    /// A value of `t` in steps.
+    #[inline]
+    pub(crate) fn steps(&self, t: f32) -> f32 {
+        t * self.steps
+    }
+
+    /// Where the ray crosses a plane; `axis` is a node's tag.
+    #[inline]
+    pub(crate) fn crossing(&self, axis: usize, split: f32) -> Crossing {
+        let axis = &self.axes[axis];
+        let at = (split - axis.origin) * axis.inverse;
+        let bound = RELATIVE * at.abs() + axis.pad;
+        Crossing {
+            first: at - bound,
+            last: at + bound,
+            near: axis.near,
+        }
+    }
+
+    /// The part of the ray's range in which it may hit something in the box; `None` if there is none.
+    pub(crate) fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<Span> {
+        let mut span = Span {
+            enter: self.steps(ray.t_min),
+            exit: self.steps(ray.t_max),
+        };
+        for axis in 0..3 {
+            let faces = [bounds.min[axis], bounds.max[axis]];
+            let near = self.axes[axis].near as usize;
+            span.enter = max(self.crossing(axis, faces[near]).first, span.enter);
+            span.exit = min(self.crossing(axis, faces[near ^ 1]).last, span.exit);
+        }
+        (span.enter <= span.exit).then_some(span)
+    }
+}

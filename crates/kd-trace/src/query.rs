@@ -1,0 +1,61 @@
+//! The queries.
+
+use kd_core::{Hit, Mesh, Ray, Tree};
+
+use crate::collect::{Any, Closest, Ordered};
+use crate::probe::TraversalCounts;
+use crate::walk::walk;
+
+/// The closest hit, the lower triangle among equals, or `None`.
+///
+/// `None` for an empty tree, and for a ray that is not finite, has a zero direction, `t_min > t_max` or mask 0. An
+/// origin on a surface, on a plane of the tree or outside of the box is like any other. Expected time is
+/// logarithmic in the number of triangles; nothing is allocated.
+///
+/// # Panics
+///
+/// If `mesh` is not the one that the tree was built from, and has fewer triangles.
+pub fn intersect(tree: &Tree, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
+    let mut closest = Closest::default();
+    walk(tree, mesh, ray, &mut closest, &mut ());
+    closest.0
+}
+
+/// Whether there is any hit: the same as `intersect(..).is_some()`, and faster, since it stops at the first one found.
+///
+/// # Panics
+///
+/// As [`intersect`].
+pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
+    let mut any = Any::default();
+    walk(tree, mesh, ray, &mut any, &mut ());
+    any.0
+}
+
+/// The first `max` hits in `out`, which is cleared before: ordered by `t`, then by triangle, each triangle once.
+///
+/// A ray through an edge hits all triangles around it, so a closed surface may give more than two hits there. No
+/// hits for whatever [`intersect`] finds none for, and for `max` 0. With `usize::MAX` all of them. `out` is the only
+/// memory that is allocated; keep it for the next ray.
+///
+/// # Panics
+///
+/// As [`intersect`].
+pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+    out.clear();
+    if max > 0 {
+        walk(tree, mesh, ray, &mut Ordered { max, out }, &mut ());
+    }
+}
+
+/// [`intersect`], and what it took. Slower; for heat maps and for comparing trees.
+///
+/// # Panics
+///
+/// As [`intersect`].
+pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+    let mut closest = Closest::default();
+    let mut counts = TraversalCounts::default();
+    walk(tree, mesh, ray, &mut closest, &mut counts);
+    (closest.0, counts)
+}

@@ -1,0 +1,106 @@
+//! The one traversal loop.
+//!
+//! Recursive descent with near and far child as in V. Havran, *Heuristic Ray Shooting Algorithms*, 2000 (his TA-B),
+//! unrolled into a loop with a stack. The near child is told by the direction alone, not by the side that the origin
+//! lies on: with planes that are crossed somewhere in an interval the side is not certain, and in line order the
+//! direction is right for negative `t` as well.
+
+use kd_core::{MAX_DEPTH, Mesh, Ray, Tree};
+
+use crate::collect::Collect;
+use crate::float::{max, min};
+use crate::planes::{RayPlanes, Span};
+use crate::probe::Probe;
+use crate::triangle::TriangleTest;
+
+/// A node to visit later. Indices have 30 bits, so u32 keeps it at 12 bytes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pending {
+    place: u32,
+    span: Span,
+}
+
+/// Gives the collector every hit of the ray that it may want, some of them more than once, roughly front to back.
+///
+/// # Panics
+///
+/// If the tree refers to a triangle that the mesh does not have.
+#[inline]
+pub(crate) fn walk<C: Collect, P: Probe>(
+    tree: &Tree,
+    mesh: &Mesh,
+    ray: &Ray,
+    collector: &mut C,
+    probe: &mut P,
+) {
+    let bounds = tree.bounds();
+    if bounds.is_empty() || !ray.can_hit() {
+        return;
+    }
+    let planes = RayPlanes::new(ray, &bounds);
+    let Some(mut span) = planes.clip(ray, &bounds) else {
+        return;
+    };
+    let test = TriangleTest::new(ray, planes.reach());
+    let nodes = tree.nodes();
+    // A valid tree has at most MAX_DEPTH nodes on a path that leave something behind.
+    let mut stack = [Pending::default(); MAX_DEPTH];
+    let mut pending = 0;
+    let mut node = nodes[tree.root().index()];
+    loop {
+        while !node.is_leaf() {
+            probe.node();
+            let crossing = planes.crossing(node.tag(), node.split());
+            let near = node.first_child().0 ^ crossing.near;
+            // Both conditions are false for NaN, and they cannot both be true.
+            let place = if span.exit < crossing.first {
+                near
+            } else if span.enter > crossing.last {
+                near ^ 1
+            } else {
+                stack[pending] = Pending {
+                    place: near ^ 1,
+                    span: Span {
+                        enter: max(crossing.first, span.enter),
+                        exit: span.exit,
+                    },
+                };
+                pending += 1;
+                span.exit = min(crossing.last, span.exit);
+                near
+            };
+            node = nodes[place as usize];
+        }
+        probe.leaf(node.count());
+        for &slot in tree.leaf_refs(node) {
+            let corners = mesh.corners(slot.0);
+            if test.certainly_misses(corners) {
+                continue;
+            }
+            probe.decision();
+            // The hit counts wherever it lies, even outside of this leaf's cell: it is as good as any.
+            if let Some(hit) = test.decide(corners, slot.0)
+                && collector.take(hit).is_break()
+            {
+                return;
+            }
+        }
+        let limit = planes.steps(collector.limit());
+        loop {
+            if pending == 0 {
+                return;
+            }
+            pending -= 1;
+            let next = stack[pending];
+            // At the limit itself a lower triangle may lie.
+            if next.span.enter <= limit {
+                span = Span {
+                    exit: min(limit, next.span.exit),
+                    ..next.span
+                };
+                node = nodes[next.place as usize];
+                break;
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Traversals against brute force, brute force against other mathematics, and both against hard input.
+
+mod adversarial;
+mod check;
+mod oracle;
+mod properties;
+mod random_tree;
+mod rays;
+mod reference;
+mod rng;
+mod scenes;
+mod watertight;

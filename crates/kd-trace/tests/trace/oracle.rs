@@ -1,0 +1,87 @@
+//! Every query in every tree is equal to brute force, bit for bit.
+
+use kd_core::{Mesh, Tree};
+use kd_sah::{BuildOptions, Method, build};
+
+use crate::check::check;
+use crate::random_tree::random_tree;
+use crate::rays::Rays;
+use crate::scenes;
+
+const RAYS: usize = 100_000;
+
+#[track_caller]
+fn check_scene(name: &str, mesh: &Mesh, rays: usize) {
+    let median = BuildOptions::default()
+        .with_method(Method::Median)
+        .with_max_depth(9);
+    let best = build(mesh, &BuildOptions::best()).expect("valid");
+    let bad = [
+        random_tree(mesh, 1),
+        build(mesh, &median).expect("valid"),
+        random_tree(mesh, 2),
+    ];
+    for tree in bad.iter().chain([&best]) {
+        let coverage = tree.check_coverage(mesh);
+        assert_eq!(
+            coverage,
+            Ok(()),
+            "{name}: bad or good, but nothing is missing"
+        );
+    }
+    let all: Vec<Tree> = bad.iter().chain([&best]).cloned().collect();
+    let mut source = Rays::new(mesh, &all, 9);
+    let mut hit = 0;
+    for number in 0..rays {
+        let trees = [&best, &bad[number % bad.len()]];
+        hit += usize::from(check(name, mesh, trees, &source.next()) > 0);
+    }
+    assert!(10 * hit >= 3 * rays, "{name}: {hit} of {rays} rays hit");
+}
+
+/// A test for each scene, so that they run side by side.
+macro_rules! scenes {
+    ($($name:ident),*) => {
+        $(
+            #[test]
+            fn $name() {
+                check_scene(stringify!($name), &scenes::$name(), RAYS);
+            }
+        )*
+    };
+}
+
+scenes!(room, soup, slivers, duplicates, flat, stadium, bumpy);
+
+#[test]
+fn sphere() {
+    check_scene("sphere", &scenes::sphere(2), RAYS);
+}
+
+#[test]
+fn cube() {
+    check_scene("cube", &scenes::cube(4), RAYS);
+}
+
+/// Scenes of any size anywhere.
+#[test]
+fn scales_and_offsets() {
+    let rows: [(f32, f32); 10] = [
+        (1e-38, 0.0),
+        (1e-30, 0.0),
+        (1e-20, 0.0),
+        (1e-6, 1.0),
+        (1e-3, 0.0),
+        (1.0, 1e5),
+        (1e4, 0.0),
+        (1e8, -3e9),
+        (1e18, 0.0),
+        (1e30, 0.0),
+    ];
+    for (scale, offset) in rows {
+        for (name, mesh) in [("soup", scenes::soup()), ("room", scenes::room())] {
+            let mesh = scenes::moved(&mesh, |p| p * scale + offset);
+            check_scene(&format!("{name} * {scale:e} + {offset:e}"), &mesh, 3000);
+        }
+    }
+}
