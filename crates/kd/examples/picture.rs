@@ -25,17 +25,22 @@ fn main() -> Result<(), Box<dyn Error>> {
             (mesh, camera, light)
         }
         None => {
-            let scene = Spd::Tree.generate(7)?;
+            let scene = Spd::Tree.generate(9)?;
             (scene.mesh, scene.camera, scene.lights[0])
         }
     };
     let tree = KdTree::build(mesh, &BuildOptions::balanced())?;
     println!("{}", tree.stats());
 
+    // Four rays to a pixel: an image of twice the size, averaged.
     let view = camera.view(WIDTH as f32 / HEIGHT as f32);
     let image = RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
-        let ray = Ray::new(view.eye, view.through_pixel(x, y, WIDTH, HEIGHT));
-        Rgb(shade(&tree, &ray, light).map(to_byte))
+        let colors = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(right, down)| {
+            let direction = view.through_pixel(2 * x + right, 2 * y + down, 2 * WIDTH, 2 * HEIGHT);
+            shade(&tree, &Ray::new(view.eye, direction), light)
+        });
+        let mean = 0.25 * colors.into_iter().sum::<Vec3>();
+        Rgb(mean.to_array().map(to_byte))
     });
     image.save("picture.png")?;
     println!("picture.png: {WIDTH} x {HEIGHT}");
@@ -52,9 +57,9 @@ fn to_byte(linear: f32) -> u8 {
 }
 
 /// Linear colour, 0 to 1: sky, or grey lit by one lamp.
-fn shade(tree: &KdTree, ray: &Ray, light: Vec3) -> [f32; 3] {
+fn shade(tree: &KdTree, ray: &Ray, light: Vec3) -> Vec3 {
     let Some(hit) = tree.intersect(ray) else {
-        return [0.08, 0.36, 0.75];
+        return Vec3::new(0.55, 0.72, 0.9);
     };
     let mut normal = tree.mesh().normal(hit.triangle);
     if normal.dot(ray.direction) > 0.0 {
@@ -64,5 +69,6 @@ fn shade(tree: &KdTree, ray: &Ray, light: Vec3) -> [f32; 3] {
     let to_light = (light - point).normalize_or_zero();
     let lit = normal.dot(to_light) > 0.0 && !tree.occluded(&Ray::between(point, light));
     let diffuse = if lit { normal.dot(to_light) } else { 0.0 };
-    [0.1 + 0.8 * diffuse; 3]
+    let (sun, sky) = (Vec3::new(0.85, 0.75, 0.6), Vec3::new(0.08, 0.1, 0.14));
+    diffuse * sun + (0.6 + 0.4 * normal.z) * sky
 }
