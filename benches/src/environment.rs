@@ -1,0 +1,79 @@
+//! Where a measurement was made.
+
+use std::fs;
+use std::process::Command;
+
+use crate::run_folder::workspace_root;
+
+/// The part of a record that is the same for a whole run.
+#[derive(Clone, Debug)]
+pub(crate) struct Environment {
+    /// Commit of the workspace, with `-dirty` where it has changes, or `unknown`.
+    pub(crate) rev: String,
+    pub(crate) cpu: String,
+    /// Version of the compiler that built this program.
+    pub(crate) rustc: String,
+    /// The widest vector instructions this program was compiled to use.
+    pub(crate) simd: String,
+}
+
+impl Environment {
+    pub(crate) fn detect() -> Self {
+        Self {
+            rev: revision().unwrap_or_else(|| "unknown".into()),
+            cpu: cpu().unwrap_or_else(|| std::env::consts::ARCH.into()),
+            rustc: env!("KD_BENCH_RUSTC").into(),
+            simd: compiled_simd().into(),
+        }
+    }
+}
+
+fn revision() -> Option<String> {
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git")
+            .arg("-C")
+            .arg(workspace_root())
+            .args(arguments)
+            .output()
+            .ok()?;
+        let text = String::from_utf8(output.stdout).ok()?;
+        output.status.success().then(|| text.trim().to_owned())
+    };
+    let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
+    let changes = git(&["status", "--porcelain", "--untracked-files=no"])?;
+    Some(if changes.is_empty() {
+        commit
+    } else {
+        format!("{commit}-dirty")
+    })
+}
+
+fn cpu() -> Option<String> {
+    if cfg!(target_os = "macos") {
+        let output = Command::new("sysctl")
+            .args(["-n", "machdep.cpu.brand_string"])
+            .output()
+            .ok()?;
+        return Some(String::from_utf8(output.stdout).ok()?.trim().to_owned());
+    }
+    if cfg!(windows) {
+        return std::env::var("PROCESSOR_IDENTIFIER").ok();
+    }
+    let info = fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = info.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+fn compiled_simd() -> &'static str {
+    if cfg!(target_feature = "avx512f") {
+        "avx512"
+    } else if cfg!(target_feature = "avx2") {
+        "avx2"
+    } else if cfg!(target_feature = "sse2") {
+        "sse2"
+    } else if cfg!(target_feature = "neon") {
+        "neon"
+    } else {
+        "none"
+    }
+}

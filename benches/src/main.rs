@@ -1,0 +1,55 @@
+//! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
+//! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
+//!
+//! Started by `cargo xtask bench | report | compare`.
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command line program talks to its user there"
+)]
+
+mod check;
+mod cli;
+mod compare;
+mod environment;
+mod measure;
+mod memory;
+mod picture;
+mod plots;
+mod rays;
+mod record;
+mod report;
+mod run_folder;
+mod sampling;
+mod scene_views;
+mod scenes;
+mod structure;
+mod sweep;
+mod terminal;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory as _, Parser as _};
+
+use cli::{Cli, Command, UsageError};
+
+fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Bench(arguments) => sweep::run(&arguments),
+        Command::Report { run } => report::rewrite(&run),
+        Command::Compare { before, after } => compare::run(&before, &after),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(why) => match why.downcast::<UsageError>() {
+            Ok(UsageError(what)) => Cli::command()
+                .error(clap::error::ErrorKind::InvalidValue, what)
+                .exit(),
+            Err(why) => {
+                eprintln!("kd-bench: {why:#}");
+                ExitCode::FAILURE
+            }
+        },
+    }
+}

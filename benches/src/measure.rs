@@ -1,0 +1,134 @@
+//! Taking times, in pairs.
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use kd::Ray;
+
+use crate::check::Answers;
+use crate::structure::Structure;
+
+/// Seconds of each repeat, and of the baseline just before it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pairs {
+    pub(crate) own: Vec<f64>,
+    pub(crate) baseline: Vec<f64>,
+}
+
+impl Pairs {
+    /// Both lists in another unit.
+    pub(crate) fn scaled(&self, units_per_second: f64) -> (Vec<f64>, Vec<f64>) {
+        let scale = |seconds: &[f64]| seconds.iter().map(|s| s * units_per_second).collect();
+        (scale(&self.own), scale(&self.baseline))
+    }
+}
+
+/// Runs the baseline and then `own`, so many times. A machine that other programs slow down for a while slows both of a
+/// pair, so their ratio survives where plain times do not. What they return is dropped when the clock has stopped.
+pub(crate) fn in_pairs<T, E>(
+    samples: usize,
+    mut baseline: impl FnMut() -> Result<T, E>,
+    mut own: impl FnMut() -> Result<T, E>,
+) -> Result<Pairs, E> {
+    let mut pairs = Pairs::default();
+    for _ in 0..samples {
+        pairs.baseline.push(seconds(&mut baseline)?);
+        pairs.own.push(seconds(&mut own)?);
+    }
+    Ok(pairs)
+}
+
+fn seconds<T, E>(work: &mut impl FnMut() -> Result<T, E>) -> Result<f64, E> {
+    let start = Instant::now();
+    let result = work()?;
+    let seconds = start.elapsed().as_secs_f64();
+    drop(result);
+    Ok(seconds)
+}
+
+/// Rays that a thread takes at a time, where there are several.
+const CHUNK: usize = 4096;
+
+/// Traces all rays on so many threads and keeps the answers.
+pub(crate) fn trace(
+    structure: &dyn Structure,
+    rays: &[Ray],
+    answers: &mut Answers,
+    threads: usize,
+) {
+    match answers {
+        Answers::Closest(hits) => {
+            in_chunks(rays, hits, threads, |rays, hits| {
+                structure.closest(rays, hits);
+            });
+        }
+        Answers::Any(hits) => {
+            in_chunks(rays, hits, threads, |rays, hits| structure.any(rays, hits));
+        }
+    }
+}
+
+fn in_chunks<T: Send>(
+    rays: &[Ray],
+    answers: &mut [T],
+    threads: usize,
+    trace: impl Fn(&[Ray], &mut [T]) + Sync,
+) {
+    if threads == 1 {
+        return trace(rays, answers);
+    }
+    let queue = Mutex::new(rays.chunks(CHUNK).zip(answers.chunks_mut(CHUNK)));
+    let next = || {
+        queue
+            .lock()
+            .expect("no thread panics while it takes a chunk")
+            .next()
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some((rays, answers)) = next() {
+                    trace(rays, answers);
+                }
+            });
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_baseline_runs_before_each_repeat() {
+        let order = std::cell::RefCell::new(String::new());
+        let note = |what| {
+            order.borrow_mut().push(what);
+            Ok::<(), ()>(())
+        };
+        let pairs = in_pairs(3, || note('b'), || note('o')).expect("neither fails");
+        assert_eq!(order.into_inner(), "bobobo", "in pairs");
+        assert_eq!(
+            (pairs.own.len(), pairs.baseline.len()),
+            (3, 3),
+            "one time for each"
+        );
+    }
+
+    #[test]
+    fn chunks_cover_every_ray_once() {
+        let rays: Vec<Ray> = (0..3 * CHUNK + 5)
+            .map(|i| Ray::new([i as f32, 0.0, 0.0], [1.0, 0.0, 0.0]))
+            .collect();
+        for threads in [1, 2, 5] {
+            let mut seen = vec![0.0; rays.len()];
+            in_chunks(&rays, &mut seen, threads, |rays, seen| {
+                for (ray, seen) in rays.iter().zip(seen) {
+                    *seen += ray.origin.x + 1.0;
+                }
+            });
+            let in_place = seen.iter().enumerate().all(|(i, x)| *x == i as f32 + 1.0);
+            assert!(in_place, "with {threads} threads");
+        }
+    }
+}

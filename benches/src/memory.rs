@@ -1,0 +1,117 @@
+//! How much memory a piece of work needs at its highest point.
+//!
+//! Every thread counts for itself. So the number is the same every time, whatever other threads do meanwhile (those of
+//! a dropped thread pool end when they like), and counting costs a parallel build no shared cache line. Allocators from
+//! registries that count do so for all threads together.
+#![allow(
+    unsafe_code,
+    reason = "an allocator can only be written with it; every call is handed on as it comes"
+)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// The system's allocator, with a count of bytes that are in use.
+struct CountingAllocator;
+
+#[derive(Clone, Copy)]
+struct Bytes {
+    /// Allocated less freed by this thread; below 0 where it frees what others allocated.
+    in_use: isize,
+    /// The most that `in_use` has been since it was last 0 by [`peak_bytes_during`].
+    peak: isize,
+}
+
+const NONE: Bytes = Bytes { in_use: 0, peak: 0 };
+
+thread_local! {
+    static BYTES: Cell<Bytes> = const { Cell::new(NONE) };
+}
+
+/// Runs `work` and tells the most bytes that this thread had allocated at a time during it, above what was allocated
+/// before. A reallocation counts as the bytes it grows by.
+pub(crate) fn peak_bytes_during<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    BYTES.set(NONE);
+    let result = work();
+    (result, BYTES.get().peak.unsigned_abs())
+}
+
+/// Takes note of so many bytes more, or less. Neither allocates nor panics.
+fn count(change: isize) {
+    // A thread that is ending may have lost its count, and nobody is going to ask for it.
+    let _ = BYTES.try_with(|bytes| {
+        let Bytes { in_use, peak } = bytes.get();
+        let in_use = in_use.wrapping_add(change);
+        bytes.set(Bytes {
+            in_use,
+            peak: peak.max(in_use),
+        });
+    });
+}
+
+/// The size of a layout never exceeds `isize::MAX`.
+fn signed_size(layout: Layout) -> isize {
+    layout.size().cast_signed()
+}
+
+// SAFETY: each method hands its arguments to the system's allocator unchanged and returns what that returns, so the
+// contract between it and the caller is the same; counting touches no memory that was allocated here.
+unsafe impl GlobalAlloc for CountingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(signed_size(layout));
+        // SAFETY: the caller keeps the contract of `alloc`, which is that of the system's.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(signed_size(layout));
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`, which is that of the system's.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        count(-signed_size(layout));
+        // SAFETY: `place` came from the system's allocator with this layout, since every allocation here does.
+        unsafe { System.dealloc(place, layout) }
+    }
+
+    unsafe fn realloc(&self, place: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        count(new_size.cast_signed().wrapping_sub(signed_size(layout)));
+        // SAFETY: as for `dealloc`, and the caller keeps the contract of `realloc` for the new size.
+        unsafe { System.realloc(place, layout, new_size) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_peak_is_that_of_what_lives_together() {
+        let before = vec![0_u8; 1 << 20];
+        let (kept, peak) = peak_bytes_during(|| {
+            drop(vec![0_u8; 500]);
+            let mut first = Vec::<u8>::with_capacity(1000);
+            first.reserve_exact(1500);
+            let second = vec![0_u8; 700];
+            std::thread::scope(|scope| {
+                let elsewhere = scope.spawn(|| vec![0_u8; 1 << 16].len());
+                elsewhere.join().expect("no panic")
+            });
+            drop(second);
+            first
+        });
+        assert_eq!(kept.capacity(), 1500, "the work's result comes back");
+        // Starting a thread takes some bytes here, too.
+        assert!(
+            (2200..2200 + 2048).contains(&peak),
+            "1500 and 700 lived together: {peak}"
+        );
+        drop(before);
+        let ((), peak) = peak_bytes_during(|| drop(kept));
+        assert_eq!(peak, 0, "freeing needs nothing");
+    }
+}

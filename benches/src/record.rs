@@ -1,0 +1,382 @@
+//! The record: one JSON line for each cell, which is one builder on one scene with one kind of ray.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde::{Deserialize, Serialize};
+
+/// Version of the format. A reader refuses another one.
+pub(crate) const SCHEMA: u32 = 1;
+
+/// One cell.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Record {
+    pub(crate) schema: u32,
+    pub(crate) rev: String,
+    pub(crate) cpu: String,
+    pub(crate) rustc: String,
+    pub(crate) threads: usize,
+    pub(crate) simd: String,
+    pub(crate) scene: String,
+    pub(crate) triangles: usize,
+    pub(crate) structure: String,
+    pub(crate) builder: String,
+    pub(crate) layout: String,
+    pub(crate) rays: String,
+    /// What ran before every timed repeat: structure, builder and layout.
+    pub(crate) baseline: String,
+    pub(crate) exact: Exact,
+    pub(crate) timed: Timed,
+}
+
+/// What must come out the same every time, on every machine; compared with `==`.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Exact {
+    pub(crate) nodes: usize,
+    pub(crate) leaves: usize,
+    pub(crate) empty_leaves: usize,
+    pub(crate) refs: usize,
+    pub(crate) depth: usize,
+    pub(crate) sah_cost_15_20: f64,
+    pub(crate) sah_cost_own: f64,
+    pub(crate) bytes_total: usize,
+    /// The most that a build on one thread allocates at a time, above the mesh.
+    pub(crate) peak_build_bytes: usize,
+    /// Rays traced.
+    pub(crate) rays: usize,
+    /// Of these, rays that hit something.
+    pub(crate) hits: usize,
+    /// Hash of the triangles hit, in the order of the rays (see [`hash_of_ids`]); of hit or miss for any-hit rays.
+    pub(crate) hit_hash: String,
+    /// Rays answered differently by the baseline: hit or miss, and for closest hits the triangle and the bits of t.
+    pub(crate) mismatches: usize,
+    /// Rays of which the answer was compared with a test of every triangle.
+    pub(crate) brute_force_rays: usize,
+    /// Of these, rays answered differently.
+    pub(crate) brute_force_mismatches: usize,
+    /// Steps of all rays together, where the query counts them (closest hits only).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) steps: Option<Steps>,
+}
+
+/// What traversals did.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Steps {
+    pub(crate) node_steps: u64,
+    pub(crate) leaf_steps: u64,
+    pub(crate) triangle_tests: u64,
+}
+
+impl std::ops::AddAssign for Steps {
+    fn add_assign(&mut self, other: Self) {
+        self.node_steps += other.node_steps;
+        self.leaf_steps += other.leaf_steps;
+        self.triangle_tests += other.triangle_tests;
+    }
+}
+
+/// Every sample of every time. The baseline's are from just before: sample i of one belongs to sample i of the other.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Timed {
+    pub(crate) build_ms: Vec<f64>,
+    pub(crate) trace_ns_per_ray: Vec<f64>,
+    pub(crate) baseline_build_ms: Vec<f64>,
+    pub(crate) baseline_ns_per_ray: Vec<f64>,
+}
+
+impl Record {
+    /// What a cell is called in messages, and compared by.
+    pub(crate) fn cell(&self) -> String {
+        let Self {
+            scene,
+            structure,
+            builder,
+            layout,
+            rays,
+            ..
+        } = self;
+        format!("{scene} {structure}/{builder}/{layout} {rays}")
+    }
+
+    /// Structure, builder and layout, as [`baseline`](Self::baseline) is written.
+    pub(crate) fn variant(&self) -> String {
+        format!("{}/{}/{}", self.structure, self.builder, self.layout)
+    }
+
+    /// How many times as fast as the baseline it builds.
+    pub(crate) fn build_speed(&self) -> f64 {
+        median_ratio(&self.timed.baseline_build_ms, &self.timed.build_ms)
+    }
+
+    /// How many times as fast as the baseline it traces.
+    pub(crate) fn trace_speed(&self) -> f64 {
+        median_ratio(
+            &self.timed.baseline_ns_per_ray,
+            &self.timed.trace_ns_per_ray,
+        )
+    }
+
+    /// References in leaves for each triangle; 0 without triangles.
+    pub(crate) fn refs_per_triangle(&self) -> f64 {
+        if self.triangles == 0 {
+            0.0
+        } else {
+            self.exact.refs as f64 / self.triangles as f64
+        }
+    }
+}
+
+/// The median of `above[i] / below[i]`: pairs were taken together, so a slow moment of the machine is in both.
+fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
+    let ratios: Vec<f64> = above.iter().zip(below).map(|(a, b)| a / b).collect();
+    median(&ratios)
+}
+
+/// The median; the mean of the middle two for an even number of values, NaN for none.
+pub(crate) fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => f64::NAN,
+        n if n % 2 == 1 => sorted[n / 2],
+        n => f64::midpoint(sorted[n / 2 - 1], sorted[n / 2]),
+    }
+}
+
+/// 64-bit FNV-1a over little-endian words, as 16 hexadecimal digits. A miss is `u32::MAX`.
+pub(crate) fn hash_of_ids(ids: impl IntoIterator<Item = u32>) -> String {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for byte in ids.into_iter().flat_map(u32::to_le_bytes) {
+        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    }
+    format!("{hash:016x}")
+}
+
+/// Reads a run: a folder with `run.jsonl`, or such a file.
+pub(crate) fn read(run: &Path) -> anyhow::Result<Vec<Record>> {
+    let path = if run.is_dir() {
+        run.join("run.jsonl")
+    } else {
+        run.to_owned()
+    };
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    parse(&text).with_context(|| path.display().to_string())
+}
+
+fn parse(text: &str) -> anyhow::Result<Vec<Record>> {
+    let mut records = Vec::new();
+    for (index, line) in text
+        .lines()
+        .enumerate()
+        .filter(|(_, line)| !line.trim().is_empty())
+    {
+        let place = || format!("line {}", index + 1);
+        let value: serde_json::Value = serde_json::from_str(line).with_context(place)?;
+        if value["schema"] != SCHEMA {
+            anyhow::bail!(
+                "line {} has schema {}; this program reads {SCHEMA}",
+                index + 1,
+                value["schema"]
+            );
+        }
+        records.push(serde_json::from_value(value).with_context(place)?);
+    }
+    Ok(records)
+}
+
+/// As JSON lines.
+pub(crate) fn to_lines(records: &[Record]) -> anyhow::Result<String> {
+    let mut text = String::new();
+    for record in records {
+        text += &serde_json::to_string(record)?;
+        text.push('\n');
+    }
+    Ok(text)
+}
+
+/// Keeps the order of first appearance.
+pub(crate) fn distinct<'a>(values: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    let mut seen = Vec::new();
+    for value in values {
+        if !seen.contains(&value) {
+            seen.push(value);
+        }
+    }
+    seen
+}
+
+/// One row of a table: a scene and a variant with its cells by kind of ray.
+#[derive(Debug)]
+pub(crate) struct Row<'a> {
+    pub(crate) scene: &'a str,
+    pub(crate) variant: String,
+    /// Never empty.
+    pub(crate) cells: BTreeMap<&'a str, &'a Record>,
+}
+
+impl<'a> Row<'a> {
+    /// Any cell: what a build is like does not depend on the rays.
+    pub(crate) fn build(&self) -> &'a Record {
+        self.cells.values().next().expect("a row has a cell")
+    }
+}
+
+/// The rows of a run, in its order.
+pub(crate) fn rows(records: &[Record]) -> Vec<Row<'_>> {
+    let mut rows: Vec<Row<'_>> = Vec::new();
+    for record in records {
+        let variant = record.variant();
+        let known = rows
+            .iter_mut()
+            .find(|row| row.scene == record.scene && row.variant == variant);
+        if let Some(row) = known {
+            row.cells.insert(&record.rays, record);
+        } else {
+            let cells = BTreeMap::from([(record.rays.as_str(), record)]);
+            rows.push(Row {
+                scene: &record.scene,
+                variant,
+                cells,
+            });
+        }
+    }
+    rows
+}
+
+/// A record with plausible values, for tests here and in other modules.
+#[cfg(test)]
+pub(crate) fn example() -> Record {
+    Record {
+        schema: SCHEMA,
+        rev: "0123456789ab".into(),
+        cpu: "some CPU".into(),
+        rustc: "1.89.0".into(),
+        threads: 1,
+        simd: "sse2".into(),
+        scene: "tetra-3".into(),
+        triangles: 64,
+        structure: "kd".into(),
+        builder: "exact".into(),
+        layout: "binary".into(),
+        rays: "primary".into(),
+        baseline: "kd/balanced/binary".into(),
+        exact: Exact {
+            nodes: 101,
+            leaves: 51,
+            empty_leaves: 9,
+            refs: 80,
+            depth: 9,
+            sah_cost_15_20: 71.204_000_000_000_01,
+            sah_cost_own: 1.0 / 3.0,
+            bytes_total: 1500,
+            peak_build_bytes: 9000,
+            rays: 4096,
+            hits: 1234,
+            hit_hash: hash_of_ids([1, 2, u32::MAX]),
+            steps: Some(Steps {
+                node_steps: 9,
+                leaf_steps: 3,
+                triangle_tests: 7,
+            }),
+            ..Exact::default()
+        },
+        timed: Timed {
+            build_ms: vec![2.0, 2.5, 4.0],
+            trace_ns_per_ray: vec![100.0, 210.0, 90.0],
+            baseline_build_ms: vec![4.0, 5.0, 4.0],
+            baseline_ns_per_ray: vec![50.0, 100.0, 45.0],
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_survive_a_trip_through_a_file() {
+        let mut any_hit = example();
+        any_hit.rays = "ao".into();
+        any_hit.exact.steps = None;
+        let records = [example(), any_hit];
+        let text = to_lines(&records).expect("plain data");
+        assert_eq!(text.lines().count(), 2, "one line each");
+        assert!(
+            !text.lines().nth(1).expect("two").contains("steps"),
+            "not counted, not written"
+        );
+        assert_eq!(parse(&text).expect("just written"), records, "bit for bit");
+    }
+
+    #[test]
+    fn strange_lines_are_refused() {
+        let line = to_lines(&[example()]).expect("plain data");
+        let other_schema = line.replace("\"schema\":1", "\"schema\":2");
+        let refused = parse(&other_schema)
+            .expect_err("another schema")
+            .to_string();
+        assert_eq!(
+            refused, "line 1 has schema 2; this program reads 1",
+            "says which"
+        );
+        let unknown_field = line.replace("\"rev\"", "\"revision\"");
+        assert!(parse(&unknown_field).is_err(), "a field nobody knows");
+        assert!(
+            parse("{}\n").is_err() && parse("nonsense\n").is_err(),
+            "not records"
+        );
+    }
+
+    #[test]
+    fn ratios_are_medians_of_pairs() {
+        let record = example();
+        assert_eq!(record.build_speed(), 2.0, "of 2, 2 and 1");
+        assert_eq!(record.trace_speed(), 0.5, "of 0.5, 0.476 and 0.5");
+        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5, "between the middle two");
+        assert!(median(&[]).is_nan(), "no value");
+    }
+
+    #[test]
+    fn hashes_depend_on_order_and_misses() {
+        assert_eq!(hash_of_ids([]), "cbf29ce484222325", "FNV's offset basis");
+        assert_eq!(
+            hash_of_ids([u32::from_le_bytes(*b"foob")]),
+            "dd120e790c2512af",
+            "published test vector"
+        );
+        let hashes = [
+            hash_of_ids([1, 2]),
+            hash_of_ids([2, 1]),
+            hash_of_ids([1, u32::MAX]),
+            hash_of_ids([1]),
+        ];
+        for (i, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..i].contains(hash), "{hashes:?}");
+        }
+    }
+
+    #[test]
+    fn rows_gather_the_cells_of_a_scene_and_variant() {
+        let mut other_rays = example();
+        other_rays.rays = "ao".into();
+        let mut other_builder = example();
+        other_builder.builder = "median".into();
+        let records = [example(), other_builder, other_rays];
+        let rows = rows(&records);
+        let shape: Vec<(&str, usize)> = rows
+            .iter()
+            .map(|r| (r.variant.as_str(), r.cells.len()))
+            .collect();
+        assert_eq!(
+            shape,
+            [("kd/exact/binary", 2), ("kd/median/binary", 1)],
+            "in order of appearance"
+        );
+    }
+}

@@ -1,0 +1,264 @@
+//! The scenes of a run: generated ones, and mesh files in a folder.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use kd::Mesh;
+use kd::glam::Vec3;
+use kd_scene::{Camera, Spd};
+
+use crate::cli::{BenchArgs, UsageError};
+use crate::scene_views::{self, SceneView};
+
+/// Sizes of the generated scenes: for a run of about two minutes on two cores, and for a check in seconds, for
+/// which one has too many triangles at any size.
+const GENERATED: [(Spd, u32, Option<u32>); 11] = [
+    (Spd::Balls, 3, Some(1)),
+    (Spd::Gears, 3, Some(1)),
+    (Spd::Mount, 7, Some(3)),
+    (Spd::Rings, 2, Some(1)),
+    (Spd::Teapot, 20, Some(3)),
+    (Spd::Tetra, 7, Some(4)),
+    (Spd::Tree, 7, Some(1)),
+    (Spd::Lattice, 4, Some(1)),
+    (Spd::Shells, 1, None),
+    (Spd::Sombrero, 3, Some(1)),
+    (Spd::Jacks, 3, Some(1)),
+];
+
+/// Extensions of mesh files, those of formats that are known but not read included: the loader says so by name.
+const MESH_EXTENSIONS: &[&str] = &["obj", "ply", "gltf", "glb", "aff", "nff"];
+
+/// A mesh, how to look at it, and its light.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) mesh: Arc<Mesh>,
+    pub(crate) camera: Camera,
+    pub(crate) light: Vec3,
+}
+
+/// A scene that has not been made or read yet.
+#[derive(Debug)]
+pub(crate) struct SceneSource {
+    pub(crate) name: String,
+    origin: Origin,
+}
+
+#[derive(Debug)]
+enum Origin {
+    Generated { spd: Spd, size: u32 },
+    File { path: PathBuf, view: SceneView },
+}
+
+impl SceneSource {
+    pub(crate) fn load(&self) -> anyhow::Result<Scene> {
+        match &self.origin {
+            Origin::Generated { spd, size } => {
+                let setup = spd.generate(*size)?;
+                let light = *setup.lights.first().context("the scene has no light")?;
+                Ok(Scene {
+                    mesh: Arc::new(setup.mesh),
+                    camera: setup.camera,
+                    light,
+                })
+            }
+            Origin::File { path, view } => {
+                let mesh = kd::load_mesh(path)?;
+                let (camera, light) = view.resolve(mesh.bounds());
+                Ok(Scene {
+                    mesh: Arc::new(mesh),
+                    camera,
+                    light,
+                })
+            }
+        }
+    }
+
+    /// The name without the size that generated scenes carry.
+    fn bare_name(&self) -> &str {
+        match &self.origin {
+            Origin::Generated { spd, .. } => spd.name(),
+            Origin::File { .. } => &self.name,
+        }
+    }
+}
+
+/// The scenes that the command line asks for.
+pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<SceneSource>> {
+    let mut sources = generated(arguments.smoke);
+    if let Some(folder) = &arguments.scenes {
+        sources.extend(in_folder(folder)?);
+    }
+    for (index, source) in sources.iter().enumerate() {
+        if sources[..index]
+            .iter()
+            .any(|other| other.name == source.name)
+        {
+            return Err(UsageError(format!("two scenes are called `{}`", source.name)).into());
+        }
+    }
+    if arguments.scene.is_empty() {
+        return Ok(sources);
+    }
+    let mut chosen = Vec::new();
+    for wanted in &arguments.scene {
+        // A mesh file called like a family of generated scenes is meant by that name, not the family.
+        let exact = sources.iter().position(|source| source.name == *wanted);
+        let found = exact.or_else(|| {
+            let mut all = sources.iter();
+            all.position(|source| source.bare_name() == wanted)
+        });
+        let Some(found) = found else {
+            let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+            let message = format!(
+                "there is no scene `{wanted}`; there are {}",
+                names.join(", ")
+            );
+            return Err(UsageError(message).into());
+        };
+        chosen.push(found);
+    }
+    let mut index = 0..;
+    sources.retain(|_| index.next().is_some_and(|index| chosen.contains(&index)));
+    Ok(sources)
+}
+
+fn generated(smoke: bool) -> Vec<SceneSource> {
+    let sized = GENERATED.iter().filter_map(|(spd, size, smoke_size)| {
+        let size = if smoke { (*smoke_size)? } else { *size };
+        let name = format!("{spd}-{size}");
+        Some(SceneSource {
+            name,
+            origin: Origin::Generated { spd: *spd, size },
+        })
+    });
+    sized.collect()
+}
+
+/// The mesh files that lie directly in a folder, by name.
+fn in_folder(folder: &Path) -> anyhow::Result<Vec<SceneSource>> {
+    let mut views = views_of(folder)?;
+    let entries = fs::read_dir(folder)
+        .and_then(Iterator::collect::<Result<Vec<_>, _>>)
+        .map_err(|why| UsageError(format!("--scenes {}: {why}", folder.display())))?;
+    let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
+    paths.retain(|path| {
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or_default();
+        path.is_file() && MESH_EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str())
+    });
+    paths.sort();
+    if paths.is_empty() {
+        let known = MESH_EXTENSIONS.join(", ");
+        let message = format!(
+            "--scenes {}: holds no mesh files ({known})",
+            folder.display()
+        );
+        return Err(UsageError(message).into());
+    }
+    let mut sources = Vec::new();
+    for path in paths {
+        let stem = path.file_stem().unwrap_or_default();
+        let name = stem.to_string_lossy().into_owned();
+        let view = views.remove(&name).unwrap_or_default();
+        sources.push(SceneSource {
+            name,
+            origin: Origin::File { path, view },
+        });
+    }
+    for name in views.keys() {
+        eprintln!("note: scenes.toml describes `{name}`, but there is no such mesh");
+    }
+    Ok(sources)
+}
+
+fn views_of(folder: &Path) -> anyhow::Result<BTreeMap<String, SceneView>> {
+    let path = folder.join("scenes.toml");
+    if !path.exists() {
+        return Ok(BTreeMap::new());
+    }
+    let refuse = |why: anyhow::Error| UsageError(format!("{}: {why:#}", path.display()));
+    let text = fs::read_to_string(&path).map_err(|why| refuse(why.into()))?;
+    Ok(scene_views::parse(&text).map_err(refuse)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::cli::{Cli, Command};
+
+    fn chosen(arguments: &[&str]) -> Result<Vec<String>, String> {
+        let all = [&["kd-bench", "bench"], arguments].concat();
+        let Command::Bench(arguments) = Cli::try_parse_from(all).expect("valid").command else {
+            panic!("asked for bench");
+        };
+        let sources = choose(&arguments).map_err(|why| why.to_string())?;
+        Ok(sources.into_iter().map(|source| source.name).collect())
+    }
+
+    #[test]
+    fn generated_scenes_go_by_name_with_or_without_size() {
+        assert_eq!(
+            chosen(&["--smoke", "--scene", "tetra,balls-1"]).expect("both"),
+            ["balls-1", "tetra-4"],
+            "in order"
+        );
+        let refused = chosen(&["--scene", "hall"]).expect_err("no such scene");
+        assert!(
+            refused.contains("no scene `hall`") && refused.contains("tetra-7"),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn a_folder_adds_its_meshes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().to_str().expect("plain name");
+        let empty = chosen(&["--scenes", path]).expect_err("no mesh");
+        assert!(empty.contains("holds no mesh files"), "{empty}");
+
+        let write =
+            |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("written");
+        write("quad.OBJ", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
+        write("notes.txt", "not a mesh");
+        write("scenes.toml", "[quad]\nlight = [0, 0, 7]\n");
+        let names = chosen(&["--smoke", "--scenes", path]).expect("one mesh");
+        assert_eq!(
+            (names.len(), names[10..].join(",")),
+            (11, "quad".into()),
+            "added to the generated ones"
+        );
+        let quad = in_folder(folder.path())
+            .expect("readable")
+            .remove(0)
+            .load()
+            .expect("a mesh");
+        assert_eq!(
+            (quad.mesh.len(), quad.light),
+            (1, Vec3::new(0.0, 0.0, 7.0)),
+            "with its light"
+        );
+
+        write("tetra.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
+        let named = ["--scenes", path, "--scene", "tetra"];
+        assert_eq!(
+            chosen(&named).expect("there"),
+            ["tetra"],
+            "the file, not the generated one"
+        );
+
+        write("scenes.toml", "[quad]\nlamp = 1\n");
+        let refused = chosen(&["--scenes", path]).expect_err("a key nobody knows");
+        assert!(
+            refused.contains("scenes.toml") && refused.contains("lamp"),
+            "{refused}"
+        );
+    }
+}

@@ -1,0 +1,127 @@
+//! The program as a user starts it: a small run from the command line to the files, twice.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn kd_bench(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_kd-bench"))
+        .args(arguments)
+        .env_remove("KD_SCENES")
+        .output()
+        .expect("the program starts")
+}
+
+/// Measures two tiny scenes and gives the run's records and what was printed.
+fn sweep(out: &Path, json: &str, threads: &str) -> (Vec<serde_json::Value>, String) {
+    let json = out.join(json);
+    let output = kd_bench(&[
+        "bench",
+        "--smoke",
+        "--scene",
+        "tetra,gears-1",
+        "--builder",
+        "median,naive,balanced",
+        "--threads",
+        threads,
+        "--out",
+        out.to_str().expect("plain name"),
+        "--json",
+        json.to_str().expect("plain name"),
+    ]);
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let complained = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{printed}\n{complained}");
+    let text = fs::read_to_string(&json).expect("written");
+    let records = text
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("a record"));
+    (records.collect(), printed)
+}
+
+#[test]
+fn two_runs_agree_on_everything_exact() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (first, printed) = sweep(out.path(), "first.jsonl", "1");
+    let (second, _) = sweep(out.path(), "second.jsonl", "2");
+    assert_eq!(first.len(), 2 * 3 * 5, "scenes, builders, kinds of rays");
+    for (first, second) in first.iter().zip(&second) {
+        assert_eq!(
+            first["exact"], second["exact"],
+            "on one thread and on two: {first}"
+        );
+        assert_eq!(first["exact"]["mismatches"], 0, "{first}");
+        assert_eq!(first["exact"]["brute_force_mismatches"], 0, "{first}");
+        assert!(
+            first["exact"]["brute_force_rays"].as_u64() > Some(0),
+            "{first}"
+        );
+        assert!(
+            first["exact"]["peak_build_bytes"].as_u64() > Some(1000),
+            "{first}"
+        );
+        assert_eq!(
+            first["timed"]["build_ms"].as_array().map(Vec::len),
+            Some(1),
+            "{first}"
+        );
+    }
+    let hits = first
+        .iter()
+        .filter_map(|record| record["exact"]["hits"].as_u64());
+    assert!(hits.sum::<u64>() > 10_000, "rays hit something");
+    assert!(printed.contains("only generated scenes"), "{printed}");
+
+    let latest = out.path().join("latest");
+    for file in [
+        "run.jsonl",
+        "report.html",
+        "scenes/tetra-4.heat.png",
+        "scenes/gears-1.txt",
+    ] {
+        assert!(latest.join(file).exists(), "{file} is missing");
+    }
+    let report = fs::read_to_string(latest.join("report.html")).expect("written");
+    assert!(
+        report.contains("data:image/png") && report.contains("answers agree"),
+        "pictures and verdict"
+    );
+}
+
+#[test]
+fn compare_tells_equal_runs_from_changed_ones() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (_, _) = sweep(out.path(), "first.jsonl", "1");
+    let path = |name: &str| out.path().join(name).display().to_string();
+    let (first, changed) = (path("first.jsonl"), path("changed.jsonl"));
+    let equal = kd_bench(&["compare", &first, &path("latest")]);
+    assert_eq!(equal.status.code(), Some(0), "a run equals itself");
+
+    let text = fs::read_to_string(&first).expect("written");
+    fs::write(&changed, text.replacen("\"depth\":", "\"depth\":1", 1)).expect("written");
+    let different = kd_bench(&["compare", &first, &changed]);
+    let printed = String::from_utf8_lossy(&different.stdout);
+    assert_eq!(different.status.code(), Some(1), "{printed}");
+    assert!(
+        printed.contains("exact: 1 differences") && printed.contains("depth"),
+        "{printed}"
+    );
+
+    let report = kd_bench(&["report", &path("latest")]);
+    assert!(report.status.success(), "the report can be written again");
+}
+
+#[test]
+fn what_there_is_not_is_refused_with_exit_code_2() {
+    for (arguments, said) in [
+        (["bench", "--builder", "binned"], "balanced"),
+        (["bench", "--scene", "atlantis"], "tetra-7"),
+        (["bench", "--scenes", "no/such/folder"], "no/such/folder"),
+        (["bench", "--peers", "--smoke"], "no rival libraries"),
+    ] {
+        let output = kd_bench(&arguments);
+        let complained = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {complained}");
+        assert!(complained.contains(said), "{arguments:?}: {complained}");
+    }
+}

@@ -1,0 +1,142 @@
+//! An invariant has a checker: every row of the table under the heading "Invariants" in `docs/architecture.md` names in
+//! its last column a test (`crate::module::name`), a file (`crates/kd/tests/oracle.rs`, or one like `clippy.toml` in the
+//! root) or a command (`cargo ...`), and what it names exists. Other code in that column is part of the wording.
+
+use super::Document;
+use super::markdown::{Line, code_spans, prose};
+
+const WHERE: &str = "docs/architecture.md";
+
+pub(super) fn check(
+    documents: &[Document],
+    sources: &[Document],
+    exists: &dyn Fn(&str) -> bool,
+) -> Vec<String> {
+    let Some(document) = documents.iter().find(|document| document.path == WHERE) else {
+        return vec![format!("there is no {WHERE}")];
+    };
+    let rows = rows(&document.text);
+    if rows.is_empty() {
+        return vec![format!(
+            "{WHERE} has no table under a heading \"Invariants\""
+        )];
+    }
+    let mut complaints = Vec::new();
+    for row in rows {
+        let place = format!("{WHERE}:{}", row.number);
+        let last_column = row.text.trim().trim_end_matches('|').rsplit('|').next();
+        let mut checkers = 0;
+        for span in code_spans(last_column.unwrap_or_default()) {
+            let found = if span.starts_with("cargo ") {
+                true
+            } else if span.contains("::") {
+                test_exists(span, sources)
+            } else if span.contains('/') || span.ends_with(".toml") {
+                exists(span)
+            } else {
+                continue;
+            };
+            checkers += 1;
+            if !found {
+                complaints.push(format!("{place}: there is no `{span}`"));
+            }
+        }
+        if checkers == 0 {
+            complaints.push(format!(
+                "{place}: names no test, file or command that checks it"
+            ));
+        }
+    }
+    complaints
+}
+
+/// The rows of the table, without its head.
+fn rows(text: &str) -> Vec<Line<'_>> {
+    let is_heading = |line: &Line<'_>| line.text.starts_with('#');
+    let is_row = |line: &Line<'_>| line.text.trim_start().starts_with('|');
+    prose(text)
+        .into_iter()
+        .skip_while(|line| !(is_heading(line) && line.text.to_lowercase().contains("invariants")))
+        .skip(1)
+        .take_while(|line| !is_heading(line))
+        .filter(is_row)
+        .skip(2)
+        .collect()
+}
+
+/// Whether `crate::module::name` is a function in that crate and in a file of that module (its first part).
+fn test_exists(path: &str, sources: &[Document]) -> bool {
+    let parts: Vec<&str> = path.split("::").collect();
+    let [crate_name, modules @ .., name] = parts.as_slice() else {
+        return false;
+    };
+    let crate_name = crate_name.replace('_', "-");
+    let folder = match crate_name.as_str() {
+        "kd-bench" => "benches/".to_owned(),
+        "xtask" => "xtask/".to_owned(),
+        _ => format!("crates/{crate_name}/"),
+    };
+    let module = modules.first().filter(|module| **module != "tests");
+    sources.iter().any(|source| {
+        let in_module = module.is_none_or(|module| {
+            source.path.ends_with(&format!("/{module}.rs"))
+                || source.path.contains(&format!("/{module}/"))
+        });
+        source.path.starts_with(&folder)
+            && in_module
+            && source.text.contains(&format!("fn {name}("))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tidy::document;
+
+    fn complaints(table: &str) -> Vec<String> {
+        let text = format!(
+            "# Architecture\n## Invariants\n\n| rule | check |\n|---|---|\n{table}\n## Next\n| a | b |\n"
+        );
+        let sources = [
+            document("crates/kd-core/src/node.rs", "#[test]\nfn packs() {}\n"),
+            document("crates/kd/tests/oracle.rs", "fn agrees() {}\n"),
+        ];
+        check(&[document(WHERE, &text)], &sources, &|path| {
+            path == "crates/kd/tests/oracle.rs"
+        })
+    }
+
+    #[test]
+    fn rows_with_a_checker_pass() {
+        let table = "| one | `kd_core::node::tests::packs` |\n| two | `crates/kd/tests/oracle.rs` |\n\
+                     | three | `kd::oracle::agrees` and more |\n| four | `cargo xtask tidy`, `EDGES` |";
+        assert_eq!(complaints(table), [""; 0], "each of them exists");
+    }
+
+    #[test]
+    fn rows_without_one_are_named() {
+        let table = "| one | `kd_core::node::tests::gone` |\n| two | `kd_core::tree::packs` |\n\
+                     | three | trust me |\n| four | `crates/kd/tests/gone.rs` |";
+        assert_eq!(
+            complaints(table),
+            [
+                "docs/architecture.md:6: there is no `kd_core::node::tests::gone`",
+                "docs/architecture.md:7: there is no `kd_core::tree::packs`",
+                "docs/architecture.md:8: names no test, file or command that checks it",
+                "docs/architecture.md:9: there is no `crates/kd/tests/gone.rs`",
+            ],
+            "a missing test, one in another module, none at all, a missing file"
+        );
+    }
+
+    #[test]
+    fn the_table_itself_must_be_there() {
+        assert_eq!(
+            check(&[], &[], &|_| true),
+            ["there is no docs/architecture.md"],
+            "no file"
+        );
+        let without = [document(WHERE, "# Architecture\n")];
+        assert_eq!(check(&without, &[], &|_| true).len(), 1, "no table");
+    }
+}
