@@ -65,11 +65,11 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = at_least_one)]
     pub(crate) threads: usize,
 
-    /// Timed repeats, each after one of the baseline [default: 3; 1 with --smoke]
+    /// Timed repeats, each after one of the baseline [default: 3, fewer of what takes seconds; 1 with --smoke]
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) samples: Option<usize>,
 
-    /// Of each kind, keep about this many rays at most, in whole runs of 64 neighbours; 0 keeps all
+    /// Of each kind but primary, keep about this many rays, in whole runs of 64 neighbours; 0 keeps all
     /// [default: 65536; 4096 with --smoke]
     #[arg(long, value_name = "N")]
     pub(crate) ray_limit: Option<usize>,

@@ -1,7 +1,7 @@
 //! Taking times, in pairs.
 
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use kd::Ray;
 
@@ -23,15 +23,26 @@ impl Pairs {
     }
 }
 
+/// How often to time something: so many pairs, or fewer once this much time is spent, but always one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Repeats {
+    pub(crate) pairs: usize,
+    pub(crate) until: Duration,
+}
+
 /// Runs the baseline and then `own`, so many times. A machine that other programs slow down for a while slows both of a
 /// pair, so their ratio survives where plain times do not. What they return is dropped when the clock has stopped.
+/// No further pair begins after [`Repeats::until`].
 pub(crate) fn in_pairs<T, E>(
-    samples: usize,
+    repeats: Repeats,
     mut baseline: impl FnMut() -> Result<T, E>,
     mut own: impl FnMut() -> Result<T, E>,
 ) -> Result<Pairs, E> {
     let mut pairs = Pairs::default();
-    for _ in 0..samples {
+    let start = Instant::now();
+    while pairs.own.len() < repeats.pairs
+        && (pairs.own.is_empty() || start.elapsed() < repeats.until)
+    {
         pairs.baseline.push(seconds(&mut baseline)?);
         pairs.own.push(seconds(&mut own)?);
     }
@@ -106,13 +117,23 @@ mod tests {
             order.borrow_mut().push(what);
             Ok::<(), ()>(())
         };
-        let pairs = in_pairs(3, || note('b'), || note('o')).expect("neither fails");
-        assert_eq!(order.into_inner(), "bobobo", "in pairs");
+        let three = Repeats {
+            pairs: 3,
+            until: Duration::MAX,
+        };
+        let pairs = in_pairs(three, || note('b'), || note('o')).expect("neither fails");
+        assert_eq!(*order.borrow(), "bobobo", "in pairs");
         assert_eq!(
             (pairs.own.len(), pairs.baseline.len()),
             (3, 3),
             "one time for each"
         );
+        let no_time = Repeats {
+            until: Duration::ZERO,
+            ..three
+        };
+        let pairs = in_pairs(no_time, || note('b'), || note('o')).expect("neither fails");
+        assert_eq!(pairs.own.len(), 1, "one pair at least");
     }
 
     #[test]

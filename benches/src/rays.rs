@@ -106,7 +106,7 @@ pub(crate) struct RaySource<'a> {
     pub(crate) light: Vec3,
     pub(crate) primary: &'a [Ray],
     pub(crate) points: &'a [SurfacePoint],
-    /// Keep about so many rays of a kind; 0 keeps all.
+    /// Keep about so many secondary or random rays of a kind; 0 keeps all. The primary image is always whole.
     pub(crate) limit: usize,
 }
 
@@ -117,7 +117,7 @@ impl RaySource<'_> {
         let diagonal = self.mesh.bounds().diagonal();
         let points = thinned(self.points, self.limit / kind.rays_per_point());
         match kind {
-            RayKind::Primary => thinned(self.primary, self.limit).copied().collect(),
+            RayKind::Primary => self.primary.to_vec(),
             RayKind::Shadow => points
                 .map(|point| Ray::between(point.origin, self.light))
                 .collect(),
@@ -216,7 +216,11 @@ mod tests {
             [1024, 1024, 4096, 1024, 1024],
             "four AO rays a hit"
         );
-        assert_eq!(counts(256), [256; 5], "each kind is thinned out");
+        assert_eq!(
+            counts(256),
+            [1024, 256, 256, 256, 256],
+            "the image stays whole, the others are thinned out"
+        );
     }
 
     #[test]

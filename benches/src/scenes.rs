@@ -16,17 +16,17 @@ use crate::scene_views::{self, SceneView};
 /// Sizes of the generated scenes: for a run of about two minutes on two cores, and for a check in seconds, for
 /// which one has too many triangles at any size.
 const GENERATED: [(Spd, u32, Option<u32>); 11] = [
-    (Spd::Balls, 3, Some(1)),
+    (Spd::Balls, 2, Some(1)),
     (Spd::Gears, 3, Some(1)),
     (Spd::Mount, 7, Some(3)),
-    (Spd::Rings, 2, Some(1)),
-    (Spd::Teapot, 20, Some(3)),
+    (Spd::Rings, 1, Some(1)),
+    (Spd::Teapot, 12, Some(3)),
     (Spd::Tetra, 7, Some(4)),
-    (Spd::Tree, 7, Some(1)),
-    (Spd::Lattice, 4, Some(1)),
+    (Spd::Tree, 6, Some(1)),
+    (Spd::Lattice, 3, Some(1)),
     (Spd::Shells, 1, None),
     (Spd::Sombrero, 3, Some(1)),
-    (Spd::Jacks, 3, Some(1)),
+    (Spd::Jacks, 2, Some(1)),
 ];
 
 /// Extensions of mesh files, those of formats that are known but not read included: the loader says so by name.

@@ -1,6 +1,7 @@
 //! A run: every variant on every scene with every kind of ray.
 
 use std::convert::Infallible;
+use std::time::Duration;
 
 use clap::ValueEnum as _;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -9,7 +10,7 @@ use kd::Ray;
 use crate::check::{Answers, BruteForce, as_source};
 use crate::cli::{BenchArgs, UsageError, name_of, names_of};
 use crate::environment::Environment;
-use crate::measure::{self, Pairs};
+use crate::measure::{self, Pairs, Repeats};
 use crate::memory::peak_bytes_during;
 use crate::rays::{self, RayKind, RaySource};
 use crate::record::{self, Exact, Record, Steps, Timed};
@@ -21,7 +22,7 @@ use crate::{picture, report, terminal};
 /// How much of everything.
 #[derive(Clone, Copy, Debug)]
 struct Effort {
-    samples: usize,
+    repeats: Repeats,
     /// Pixels along the side of the primary image, and of the pictures.
     side: u32,
     picture_side: u32,
@@ -32,14 +33,20 @@ struct Effort {
 }
 
 const FULL: Effort = Effort {
-    samples: 3,
+    repeats: Repeats {
+        pairs: 3,
+        until: Duration::from_secs(2),
+    },
     side: 1024,
     picture_side: 400,
     ray_limit: 1 << 16,
     brute_force_tests: 10_000_000,
 };
 const SMOKE: Effort = Effort {
-    samples: 1,
+    repeats: Repeats {
+        pairs: 1,
+        until: Duration::MAX,
+    },
     side: 128,
     picture_side: 96,
     ray_limit: 1 << 12,
@@ -99,7 +106,13 @@ struct Plan {
 impl Plan {
     fn new(arguments: &BenchArgs) -> Self {
         let mut effort = if arguments.smoke { SMOKE } else { FULL };
-        effort.samples = arguments.samples.unwrap_or(effort.samples);
+        if let Some(pairs) = arguments.samples {
+            // Asked for by number, they are all taken, however long it takes.
+            effort.repeats = Repeats {
+                pairs,
+                until: Duration::MAX,
+            };
+        }
         effort.ray_limit = arguments.ray_limit.unwrap_or(effort.ray_limit);
         let usual = [
             BuilderName::Median,
@@ -188,9 +201,11 @@ impl Sweep {
     }
 
     fn workloads(&self, scene: &Scene, baseline: &dyn Structure) -> Vec<Workload> {
+        // Nothing is timed here, so all cores may work.
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let answered = |kind: RayKind, rays: &[Ray]| {
             let mut answers = Answers::none(kind, rays.len());
-            measure::trace(baseline, rays, &mut answers, self.plan.threads);
+            measure::trace(baseline, rays, &mut answers, cores);
             answers
         };
         let primary = rays::primary(&scene.camera, self.plan.effort.side);
@@ -241,7 +256,7 @@ impl Sweep {
         let threads = self.plan.threads;
         let build = |variant: Variant| variant.build(&scene.mesh, threads);
         let builds = measure::in_pairs(
-            self.plan.effort.samples,
+            self.plan.effort.repeats,
             || build(BASELINE),
             || build(variant),
         )?;
@@ -303,7 +318,7 @@ impl Sweep {
             Ok::<(), Infallible>(())
         };
         let Ok(pairs) = measure::in_pairs(
-            self.plan.effort.samples,
+            self.plan.effort.repeats,
             || traced(baseline, &mut others),
             || traced(structure, answers),
         );

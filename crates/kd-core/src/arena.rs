@@ -81,7 +81,10 @@ pub enum TreeError {
     },
 }
 
-/// Nodes and references of one or more trees. See the [module](self) for frozen and fresh.
+/// Nodes and references of one or more trees.
+///
+/// A **frozen** segment has been validated and never changes; it can be shared by any number of trees. Behind the last
+/// frozen segment lies the **fresh** part, which is being written.
 #[derive(Clone, Debug, Default)]
 pub struct Arena {
     pairs: Vec<Pair>,

@@ -7,7 +7,8 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Method {
-    /// The middle of the cell, axes in turn. Builds fastest and traces slowest; for comparison.
+    /// The middle of the cell, axes in turn, down to [small leaves](BuildOptions::with_small_leaf). Duplicates the most
+    /// and traces slowest; for comparison.
     Median,
     /// The plane of least SAH cost, each candidate counted over all triangles: O(N²). The oracle of the others.
     Naive,
