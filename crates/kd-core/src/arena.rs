@@ -71,6 +71,14 @@ pub enum TreeError {
         /// The node where the limit is passed.
         node: NodeIndex,
     },
+    /// The cost model that came with the nodes makes no sense.
+    #[error("the cost model's `{field}` must be {rule}")]
+    BadCost {
+        /// Which number.
+        field: &'static str,
+        /// What it must be.
+        rule: &'static str,
+    },
     /// Nodes are indexed with 30 bits, references with 32.
     #[error("the tree does not fit: {nodes} nodes, {refs} references")]
     TooLarge {

@@ -38,6 +38,22 @@ impl CostModel {
         empty_bonus: 0.8,
     };
 
+    /// The first field that is out of range, and what it must be; `None` if the model makes sense.
+    pub fn problem(&self) -> Option<(&'static str, &'static str)> {
+        let is_cost = |x: f32| x > 0.0 && x.is_finite();
+        if !is_cost(self.traverse) {
+            return Some(("traverse", "positive and finite"));
+        }
+        if !is_cost(self.intersect) {
+            return Some(("intersect", "positive and finite"));
+        }
+        if self.lanes == 0 {
+            return Some(("lanes", "at least 1"));
+        }
+        let has_bonus = self.empty_bonus > 0.0 && self.empty_bonus <= 1.0;
+        (!has_bonus).then_some(("empty_bonus", "in (0, 1]"))
+    }
+
     /// Cost of testing a leaf of `count` references, once a ray is in it.
     #[inline]
     pub fn leaf(&self, count: usize) -> f64 {
@@ -63,5 +79,32 @@ mod tests {
         let costs = [0, 1, 8, 9].map(|n| packed.leaf(n));
         assert_eq!(costs, [0.0, 160.0, 160.0, 320.0], "in blocks of eight");
         assert_eq!(CostModel::CLASSIC.leaf(3), 60.0, "one by one");
+    }
+
+    #[test]
+    fn problems_are_named() {
+        let with = |change: fn(&mut CostModel)| {
+            let mut model = CostModel::SCALAR;
+            change(&mut model);
+            model.problem().map(|(field, _)| field)
+        };
+        assert_eq!(with(|_| ()), None, "nothing wrong");
+        assert_eq!(with(|m| m.traverse = 0.0), Some("traverse"), "free steps");
+        assert_eq!(
+            with(|m| m.intersect = f32::NAN),
+            Some("intersect"),
+            "not a number"
+        );
+        assert_eq!(with(|m| m.lanes = 0), Some("lanes"), "no lanes");
+        assert_eq!(
+            with(|m| m.empty_bonus = 1.5),
+            Some("empty_bonus"),
+            "a penalty"
+        );
+        assert_eq!(
+            with(|m| m.empty_bonus = f32::NAN),
+            Some("empty_bonus"),
+            "not a number"
+        );
     }
 }

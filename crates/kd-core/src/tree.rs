@@ -30,7 +30,7 @@ impl Tree {
     ///
     /// # Errors
     ///
-    /// [`TreeError`] names the first broken node.
+    /// [`TreeError`] names the first broken node, or says what is wrong with the cost model.
     pub fn from_parts(
         pairs: &[Pair],
         refs: &[Slot],
@@ -40,6 +40,9 @@ impl Tree {
     ) -> Result<Self, TreeError> {
         if pairs.is_empty() {
             return Err(TreeError::NoRoot);
+        }
+        if let Some((field, rule)) = cost.problem() {
+            return Err(TreeError::BadCost { field, rule });
         }
         let mut arena = Arena::new();
         let root = arena.append(pairs, refs)?;

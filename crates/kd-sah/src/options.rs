@@ -137,18 +137,8 @@ impl BuildOptions {
 
     pub(crate) fn check(&self) -> Result<(), BuildError> {
         let invalid = |name, rule| Err(BuildError::InvalidOption { name, rule });
-        let positive = |x: f32| x > 0.0 && x.is_finite();
-        if !positive(self.cost.traverse) {
-            return invalid("cost.traverse", "positive and finite");
-        }
-        if !positive(self.cost.intersect) {
-            return invalid("cost.intersect", "positive and finite");
-        }
-        if !(self.cost.empty_bonus > 0.0 && self.cost.empty_bonus <= 1.0) {
-            return invalid("cost.empty_bonus", "in (0, 1]");
-        }
-        if self.cost.lanes == 0 {
-            return invalid("cost.lanes", "at least 1");
+        if let Some((name, rule)) = self.cost.problem() {
+            return invalid(name, rule);
         }
         if self.max_depth.is_some_and(|d| d as usize > MAX_DEPTH) {
             return invalid("max_depth", "at most MAX_DEPTH (64)");
@@ -227,28 +217,25 @@ mod tests {
         let rows = [
             (
                 with(|c| c.traverse = 0.0),
-                "option `cost.traverse` must be positive and finite",
+                "option `traverse` must be positive and finite",
             ),
             (
                 with(|c| c.intersect = f32::NAN),
-                "option `cost.intersect` must be positive and finite",
+                "option `intersect` must be positive and finite",
             ),
             (
                 with(|c| c.intersect = f32::INFINITY),
-                "option `cost.intersect` must be positive and finite",
+                "option `intersect` must be positive and finite",
             ),
             (
                 with(|c| c.empty_bonus = 1.5),
-                "option `cost.empty_bonus` must be in (0, 1]",
+                "option `empty_bonus` must be in (0, 1]",
             ),
             (
                 with(|c| c.empty_bonus = f32::NAN),
-                "option `cost.empty_bonus` must be in (0, 1]",
+                "option `empty_bonus` must be in (0, 1]",
             ),
-            (
-                with(|c| c.lanes = 0),
-                "option `cost.lanes` must be at least 1",
-            ),
+            (with(|c| c.lanes = 0), "option `lanes` must be at least 1"),
             (
                 BuildOptions::balanced().with_max_depth(65),
                 "option `max_depth` must be at most MAX_DEPTH (64)",

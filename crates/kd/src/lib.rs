@@ -74,6 +74,10 @@
 //! [`nodes`](KdTree::nodes) are plain 8-byte values ([`Node`]), ready to be sent elsewhere, and
 //! [`KdTree::intersect_counted`] tells what a ray had to do.
 //!
+//! # Keeping trees
+//!
+//! [`KdTree::save`] writes mesh and tree to a file and [`KdTree::load`] reads it back, verified, without building.
+//!
 //! # Features
 //!
 //! Both are on by default, and neither changes an answer. `parallel` builds on several threads (rayon); `io` adds
@@ -84,8 +88,8 @@ mod tree;
 
 pub use glam;
 pub use kd_core::{
-    Aabb, Axis, CostModel, Hit, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node, NodeIndex,
-    NodeView, Ray, Tree, TreeError, TreeStats, offset_origin,
+    Aabb, Axis, CostModel, FileError, Hit, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
+    NodeIndex, NodeView, Ray, Tree, TreeError, TreeStats, offset_origin,
 };
 pub use kd_sah::{BuildError, BuildOptions, Method};
 #[cfg(feature = "io")]

@@ -1,8 +1,11 @@
 //! A mesh with its tree.
 
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
 use std::sync::Arc;
 
-use kd_core::{Hit, Mesh, Node, Ray, Tree, TreeStats};
+use kd_core::{FileError, Hit, Mesh, Node, Ray, Tree, TreeStats};
 use kd_sah::{BuildError, BuildOptions};
 use kd_trace::TraversalCounts;
 
@@ -32,6 +35,44 @@ impl KdTree {
         let mesh = mesh.into();
         let tree = kd_sah::build(&*mesh, options)?;
         Ok(Self { mesh, tree })
+    }
+
+    /// Writes the mesh and the tree to a file that [`load`](Self::load) reads, the same bytes on every platform.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] names the file and what the system said.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
+        let path = path.as_ref();
+        let written = File::create(path).and_then(|file| {
+            let mut file = BufWriter::new(file);
+            kd_core::write_tree(&self.mesh, &self.tree, &mut file)?;
+            file.flush()
+        });
+        written.map_err(|source| FileError::Io {
+            file: path.display().to_string(),
+            source,
+        })
+    }
+
+    /// Reads a file that [`save`](Self::save) wrote, much faster than building the tree again.
+    ///
+    /// The file is verified: sizes, checksum, mesh and nodes. Whatever is in it, tracing the result is safe.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] names the file and what is wrong with it.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let file = path.as_ref().display().to_string();
+        let bytes = match std::fs::read(path) {
+            Ok(bytes) => bytes,
+            Err(source) => return Err(FileError::Io { file, source }),
+        };
+        let (mesh, tree) = kd_core::read_tree(&bytes, &file)?;
+        Ok(Self {
+            mesh: Arc::new(mesh),
+            tree,
+        })
     }
 
     /// The closest hit with `t_min <= t <= t_max`, both sides of a triangle alike.
