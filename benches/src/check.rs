@@ -69,10 +69,16 @@ pub(crate) struct BruteForce {
 }
 
 impl BruteForce {
-    /// Asks about rays spread evenly over the list, as many as `tests` ray-triangle tests allow but at least 16, on all
-    /// cores: nothing is timed here.
-    pub(crate) fn sample(mesh: &Mesh, kind: RayKind, rays: &[Ray], tests: usize) -> Self {
-        let wanted = (tests / mesh.len().max(1)).max(16).min(rays.len());
+    /// Asks about rays spread evenly over the list, as many as `tests` ray-triangle tests allow but no fewer than `least`,
+    /// on all cores: nothing is timed here.
+    pub(crate) fn sample(
+        mesh: &Mesh,
+        kind: RayKind,
+        rays: &[Ray],
+        tests: usize,
+        least: usize,
+    ) -> Self {
+        let wanted = (tests / mesh.len().max(1)).max(least).min(rays.len());
         let chosen: Vec<usize> = (0..wanted).map(|i| i * rays.len() / wanted).collect();
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let mut answers = Answers::none(kind, wanted);
@@ -171,7 +177,7 @@ mod tests {
             .map(|i| Ray::new([0.0, 0.0, i as f32 - 50.0], [0.0, 0.0, 1.0]))
             .collect();
         for kind in [RayKind::Primary, RayKind::Shadow] {
-            let sample = BruteForce::sample(&mesh, kind, &rays, 20);
+            let sample = BruteForce::sample(&mesh, kind, &rays, 20, 16);
             assert_eq!(
                 (sample.rays.len(), sample.rays[1]),
                 (20, 5),
@@ -186,7 +192,7 @@ mod tests {
             );
         }
         assert_eq!(
-            BruteForce::sample(&mesh, RayKind::Ao, &[], 20).rays,
+            BruteForce::sample(&mesh, RayKind::Ao, &[], 20, 16).rays,
             [0; 0],
             "no rays, no answers"
         );

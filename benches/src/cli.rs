@@ -74,6 +74,10 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "N")]
     pub(crate) ray_limit: Option<usize>,
 
+    /// Of each kind, compare at least so many answers with a test of every triangle; 20000 make 10⁵ for a scene
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub(crate) check: usize,
+
     /// Measure rival libraries too (needs a build with them)
     #[arg(long)]
     pub(crate) peers: bool,

@@ -31,7 +31,7 @@ pub(crate) struct Record {
     pub(crate) timed: Timed,
 }
 
-/// What must come out the same every time, on every machine; compared with `==`.
+/// What must come out the same every time, on any machine with the same compiler; compared with `==`.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Exact {

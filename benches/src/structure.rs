@@ -120,6 +120,8 @@ pub(crate) trait Structure: Send + Sync {
     /// The closest hit of one ray and the steps it took, if the structure counts them.
     fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)>;
     fn shape(&self) -> Shape;
+    /// What is wrong with it, as far as can be told without rays.
+    fn flaw(&self) -> Option<String>;
 }
 
 /// What a structure looks like.
@@ -138,16 +140,17 @@ pub(crate) struct Shape {
 }
 
 impl Structure for KdTree {
+    fn flaw(&self) -> Option<String> {
+        let covered = self.tree().check_coverage(self.mesh());
+        covered.err().map(|missing| missing.to_string())
+    }
+
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.intersect(ray);
-        }
+        self.intersect_batch(rays, hits);
     }
 
     fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.occluded(ray);
-        }
+        self.occluded_batch(rays, hits);
     }
 
     fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)> {

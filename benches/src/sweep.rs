@@ -100,6 +100,8 @@ struct Plan {
     variants: Vec<Variant>,
     kinds: Vec<RayKind>,
     threads: usize,
+    /// Answers of each kind to compare with brute force, whatever it takes.
+    least_checked: usize,
     effort: Effort,
 }
 
@@ -145,6 +147,7 @@ impl Plan {
             variants: without_repeats(&variants),
             kinds: without_repeats(kinds),
             threads: arguments.threads,
+            least_checked: arguments.check,
             effort,
         }
     }
@@ -223,8 +226,9 @@ impl Sweep {
         let workload = |kind: &RayKind| {
             let (kind, rays) = (*kind, source.rays(*kind));
             let expected = answered(kind, &rays);
+            let tests = self.plan.effort.brute_force_tests;
             let brute_force =
-                BruteForce::sample(&scene.mesh, kind, &rays, self.plan.effort.brute_force_tests);
+                BruteForce::sample(&scene.mesh, kind, &rays, tests, self.plan.least_checked);
             Workload {
                 kind,
                 rays,
@@ -263,6 +267,9 @@ impl Sweep {
         // On one thread, so that the peak does not depend on which threads happen to work at the same time.
         let (structure, peak_build_bytes) = peak_bytes_during(|| variant.build(&scene.mesh, 1));
         let structure = structure?;
+        if let Some(flaw) = structure.flaw() {
+            self.problems.push(format!("{name} {variant}: {flaw}"));
+        }
         let shape = structure.shape();
         for workload in workloads {
             let kind = name_of(&workload.kind);
@@ -391,7 +398,8 @@ impl Sweep {
             .map(|record| record.exact.brute_force_rays)
             .sum();
         println!(
-            "checked: {rays} answers against the baseline's, {checked} of them against a test of every triangle"
+            "checked: every tree for parts of triangles it misses; {rays} answers against the baseline's, {checked} of them \
+             against a test of every triangle"
         );
         for problem in &self.problems {
             eprintln!("FAILED: {problem}");

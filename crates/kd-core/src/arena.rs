@@ -1,9 +1,7 @@
 //! Where nodes and references live: one append-only array of each, in segments.
 //!
-//! A **frozen** segment has been validated and never changes; it can be shared by any number of trees. Behind the
-//! last frozen segment lies the **fresh** part, which is being written. Because a child lies either further on in
-//! the fresh part or in a frozen segment, there are no cycles, and freezing looks at the fresh part only: the depth
-//! below a frozen node is stored as its height.
+//! Because a child lies either further on in the fresh part or in a frozen segment, there are no cycles, and freezing
+//! looks at the fresh part only: the depth below a frozen node is stored as its height.
 
 use bytemuck::cast_slice;
 use thiserror::Error;
@@ -71,8 +69,33 @@ pub enum TreeError {
         /// The node where the limit is passed.
         node: NodeIndex,
     },
+    /// Two parents have the same children, where each node should have one parent.
+    #[error("node {node}: its children {child} have another parent already")]
+    SharedChild {
+        /// The second parent.
+        node: NodeIndex,
+        /// The children.
+        child: NodeIndex,
+    },
+    /// Fewer triangles than a segment that is frozen already may refer to.
+    #[error("{slots} triangles, but frozen segments refer to as many as {frozen}")]
+    FewerSlots {
+        /// How many there should be now.
+        slots: u32,
+        /// How many there were.
+        frozen: u32,
+    },
+    /// The node that should be the root is not frozen.
+    #[error("root {node} is not a frozen node")]
+    BadRoot {
+        /// The node.
+        node: NodeIndex,
+    },
+    /// The box is neither finite nor empty.
+    #[error("the bounds are not finite")]
+    BadBounds,
     /// The cost model that came with the nodes makes no sense.
-    #[error("the cost model's `{field}` must be {rule}")]
+    #[error("`{field}` must be {rule}")]
     BadCost {
         /// Which number.
         field: &'static str,
@@ -91,8 +114,8 @@ pub enum TreeError {
 
 /// Nodes and references of one or more trees.
 ///
-/// A **frozen** segment has been validated and never changes; it can be shared by any number of trees. Behind the last
-/// frozen segment lies the **fresh** part, which is being written.
+/// A **frozen** segment has been validated and never changes; nodes of any later segment may link to its subtrees.
+/// Behind the last frozen segment lies the **fresh** part, which is being written.
 #[derive(Clone, Debug, Default)]
 pub struct Arena {
     pairs: Vec<Pair>,
@@ -108,12 +131,37 @@ pub struct Arena {
 struct End {
     pairs: usize,
     refs: usize,
+    /// References in all segments up to here are below this.
+    slots: u32,
 }
+
+/// As many as 30 bits can index.
+const MAX_PAIRS: usize = 1 << 29;
 
 impl Arena {
     /// Nothing yet.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Pairs and references that a builder made, with indices from 0, all fresh. Nothing is copied.
+    pub(crate) fn from_vecs(pairs: Vec<Pair>, refs: Vec<Slot>) -> Result<Self, TreeError> {
+        if pairs.len() > MAX_PAIRS || u32::try_from(refs.len()).is_err() {
+            return Err(TreeError::TooLarge {
+                nodes: 2 * pairs.len(),
+                refs: refs.len(),
+            });
+        }
+        Ok(Self {
+            pairs,
+            refs,
+            ..Self::default()
+        })
+    }
+
+    /// How many triangles the frozen segments may refer to.
+    pub(crate) fn slots(&self) -> u32 {
+        self.frozen().slots
     }
 
     /// All nodes, two to a pair, in the order they were appended. Some may be unreachable from a given tree.
@@ -145,6 +193,9 @@ impl Arena {
             nodes: 2 * (old_pairs + pairs.len()),
             refs: old_refs + refs.len(),
         };
+        if old_pairs + pairs.len() > MAX_PAIRS {
+            return Err(too_large);
+        }
         let (Ok(node_base), Ok(ref_base)) = (u32::try_from(2 * old_pairs), u32::try_from(old_refs))
         else {
             return Err(too_large);
@@ -169,10 +220,14 @@ impl Arena {
     ///
     /// [`TreeError::TooLarge`] if it does not fit.
     pub fn push(&mut self, pair: Pair) -> Result<NodeIndex, TreeError> {
-        let place = u32::try_from(2 * self.pairs.len()).map_err(|_| TreeError::TooLarge {
+        let too_large = TreeError::TooLarge {
             nodes: 2 * self.pairs.len() + 2,
             refs: self.refs.len(),
-        })?;
+        };
+        if self.pairs.len() >= MAX_PAIRS {
+            return Err(too_large);
+        }
+        let place = u32::try_from(2 * self.pairs.len()).map_err(|_| too_large)?;
         self.pairs.push(pair);
         Ok(NodeIndex(place))
     }
@@ -190,7 +245,8 @@ impl Arena {
         self.pairs[place.index() / 2].0[place.index() % 2] = node;
     }
 
-    /// Validates the fresh part and freezes it as one more segment. `slots` is the number of triangles there are.
+    /// Validates the fresh part and freezes it as one more segment. `slots` is the number of triangles there are, no
+    /// fewer than the time before.
     ///
     /// Afterwards every interior node has a finite plane and two children in the arena, every leaf's references are
     /// in range and name existing triangles, there are no cycles, and no path is longer than [`MAX_DEPTH`].
@@ -201,6 +257,12 @@ impl Arena {
     /// [`TreeError`] names the first broken node; the fresh part stays as it is, not frozen.
     pub fn freeze(&mut self, slots: u32) -> Result<(), TreeError> {
         let start = self.frozen();
+        if slots < start.slots {
+            return Err(TreeError::FewerSlots {
+                slots,
+                frozen: start.slots,
+            });
+        }
         if let Some(offset) = self.refs[start.refs..].iter().position(|r| r.0 >= slots) {
             let index = start.refs + offset;
             return Err(TreeError::SlotOutOfRange {
@@ -218,6 +280,7 @@ impl Arena {
         self.segments.push(End {
             pairs: self.pairs.len(),
             refs: self.refs.len(),
+            slots,
         });
         Ok(())
     }
@@ -411,6 +474,21 @@ mod tests {
             "as before"
         );
         assert_eq!(arena.height(top), None, "gone");
+    }
+
+    #[test]
+    fn later_segments_cannot_have_fewer_triangles() {
+        let mut arena = Arena::new();
+        let first = arena.append(&[root(leaf(0, 1))], &[Slot(9)]).expect("fits");
+        arena.freeze(10).expect("valid");
+        let link = arena.nodes()[first.index()];
+        arena.push(root(link)).expect("fits");
+        let fewer = TreeError::FewerSlots {
+            slots: 5,
+            frozen: 10,
+        };
+        assert_eq!(arena.freeze(5), Err(fewer), "slot 9 is referred to");
+        assert_eq!(arena.freeze(10), Ok(()), "as many as before");
     }
 
     #[test]

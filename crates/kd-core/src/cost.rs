@@ -38,20 +38,20 @@ impl CostModel {
         empty_bonus: 0.8,
     };
 
-    /// The first field that is out of range, and what it must be; `None` if the model makes sense.
+    /// The first field that is out of range, as `cost.traverse`, and what it must be; `None` if the model makes sense.
     pub fn problem(&self) -> Option<(&'static str, &'static str)> {
         let is_cost = |x: f32| x > 0.0 && x.is_finite();
         if !is_cost(self.traverse) {
-            return Some(("traverse", "positive and finite"));
+            return Some(("cost.traverse", "positive and finite"));
         }
         if !is_cost(self.intersect) {
-            return Some(("intersect", "positive and finite"));
+            return Some(("cost.intersect", "positive and finite"));
         }
         if self.lanes == 0 {
-            return Some(("lanes", "at least 1"));
+            return Some(("cost.lanes", "at least 1"));
         }
         let has_bonus = self.empty_bonus > 0.0 && self.empty_bonus <= 1.0;
-        (!has_bonus).then_some(("empty_bonus", "in (0, 1]"))
+        (!has_bonus).then_some(("cost.empty_bonus", "in (0, 1]"))
     }
 
     /// Cost of testing a leaf of `count` references, once a ray is in it.
@@ -89,21 +89,25 @@ mod tests {
             model.problem().map(|(field, _)| field)
         };
         assert_eq!(with(|_| ()), None, "nothing wrong");
-        assert_eq!(with(|m| m.traverse = 0.0), Some("traverse"), "free steps");
+        assert_eq!(
+            with(|m| m.traverse = 0.0),
+            Some("cost.traverse"),
+            "free steps"
+        );
         assert_eq!(
             with(|m| m.intersect = f32::NAN),
-            Some("intersect"),
+            Some("cost.intersect"),
             "not a number"
         );
-        assert_eq!(with(|m| m.lanes = 0), Some("lanes"), "no lanes");
+        assert_eq!(with(|m| m.lanes = 0), Some("cost.lanes"), "no lanes");
         assert_eq!(
             with(|m| m.empty_bonus = 1.5),
-            Some("empty_bonus"),
+            Some("cost.empty_bonus"),
             "a penalty"
         );
         assert_eq!(
             with(|m| m.empty_bonus = f32::NAN),
-            Some("empty_bonus"),
+            Some("cost.empty_bonus"),
             "not a number"
         );
     }

@@ -198,7 +198,7 @@ pub fn read_tree(bytes: &[u8], name: &str) -> Result<(Mesh, Tree), FileError> {
         lanes: word(16),
         empty_bonus: number(17),
     };
-    let tree = Tree::from_parts(&pairs, &refs, bounds, triangles, cost).map_err(|source| {
+    let tree = Tree::from_parts(pairs, refs, bounds, triangles, cost).map_err(|source| {
         FileError::Tree {
             file: file(),
             source,
@@ -260,8 +260,8 @@ mod tests {
         let leaf = |first| Node::leaf(first, 1).expect("small");
         let pairs = [Pair([root, Node::EMPTY_LEAF]), Pair([leaf(0), leaf(1)])];
         let tree = Tree::from_parts(
-            &pairs,
-            &[Slot(0), Slot(1)],
+            pairs.to_vec(),
+            vec![Slot(0), Slot(1)],
             mesh.bounds(),
             2,
             CostModel::SCALAR,
@@ -300,8 +300,8 @@ mod tests {
     fn an_empty_tree_is_a_file_too() {
         let mesh = Mesh::new(vec![], vec![]).expect("valid");
         let pairs = [Pair([Node::EMPTY_LEAF; 2])];
-        let tree =
-            Tree::from_parts(&pairs, &[], mesh.bounds(), 0, CostModel::CLASSIC).expect("valid");
+        let tree = Tree::from_parts(pairs.to_vec(), vec![], mesh.bounds(), 0, CostModel::CLASSIC)
+            .expect("valid");
         let (mesh, tree) = read_tree(&bytes_of(&(mesh, tree)), "t").expect("just written");
         assert!(mesh.is_empty() && tree.bounds().is_empty(), "nothing in it");
     }

@@ -10,8 +10,8 @@
 //!
 //! // The smallest tree: one leaf that refers to the one triangle.
 //! let leaf = Node::leaf(0, 1).expect("a count of 1 fits");
-//! let pairs = [Pair([leaf, Node::EMPTY_LEAF])];
-//! let tree = Tree::from_parts(&pairs, &[Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC)?;
+//! let pairs = vec![Pair([leaf, Node::EMPTY_LEAF])];
+//! let tree = Tree::from_parts(pairs, vec![Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC)?;
 //!
 //! assert_eq!(tree.stats().leaves, 1);
 //! tree.check_coverage(&mesh)?;

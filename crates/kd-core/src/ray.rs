@@ -33,7 +33,8 @@ impl Ray {
     }
 
     /// The open segment between two points, as shadow rays want it: `a` is at `t = 0` and `b` at `t = 1`, and
-    /// neither counts. Equal points give a ray that hits nothing.
+    /// neither counts. Equal points, and points so far apart that f32 does not hold their difference, give a ray that
+    /// hits nothing.
     ///
     /// A surface that passes through `a` or `b` only up to rounding may still be hit: see
     /// [`offset_origin`].
@@ -149,6 +150,7 @@ mod tests {
             good.with_range(0.0, f32::NAN),
             good.with_mask(0),
             Ray::between([1.0; 3], [1.0; 3]),
+            Ray::between([-3e38; 3], [3e38; 3]),
         ] {
             assert!(!bad.can_hit(), "{bad:?}");
         }

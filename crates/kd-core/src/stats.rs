@@ -212,7 +212,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::{Axis, Pair, Slot};
+    use crate::{Arena, Axis, Pair, Slot};
 
     fn unit_box() -> Aabb {
         Aabb::around([Vec3::ZERO, Vec3::ONE])
@@ -233,7 +233,8 @@ mod tests {
             lanes: 4,
             empty_bonus: 1.0,
         };
-        let tree = Tree::from_parts(&pairs, &[Slot(0); 3], unit_box(), 1, own).expect("valid");
+        let tree =
+            Tree::from_parts(pairs.to_vec(), vec![Slot(0); 3], unit_box(), 1, own).expect("valid");
         let stats = tree.stats();
         let close = |a: f64, b: f64| (a - b).abs() < 1e-12;
         assert!(
@@ -260,8 +261,8 @@ mod tests {
         for (size, label) in [(8, "8"), (9, "≤16"), (16, "≤16"), (17, "≤32"), (33, "≤64")] {
             let leaf = Pair([Node::leaf(0, size).expect("small"), Node::EMPTY_LEAF]);
             let refs = vec![Slot(0); size as usize];
-            let tree =
-                Tree::from_parts(&[leaf], &refs, unit_box(), 1, CostModel::CLASSIC).expect("valid");
+            let tree = Tree::from_parts(vec![leaf], refs, unit_box(), 1, CostModel::CLASSIC)
+                .expect("valid");
             let bucket = tree.stats().leaves_by_size.len() - 1;
             assert_eq!(
                 TreeStats::leaf_size_label(bucket),
@@ -281,8 +282,10 @@ mod tests {
             Pair([child, child]),
             Pair([leaf, leaf]),
         ];
-        let tree =
-            Tree::from_parts(&pairs, &[Slot(0)], unit_box(), 1, CostModel::CLASSIC).expect("valid");
+        let mut arena = Arena::new();
+        let root = arena.append(&pairs, &[Slot(0)]).expect("fits");
+        arena.freeze(1).expect("valid");
+        let tree = Tree::from_arena(arena, root, unit_box(), CostModel::CLASSIC).expect("valid");
         let stats = tree.stats();
         assert_eq!(
             (stats.nodes, stats.leaves),
@@ -295,8 +298,8 @@ mod tests {
     #[test]
     fn an_empty_tree_has_plain_numbers() {
         let pairs = [Pair([Node::EMPTY_LEAF; 2])];
-        let tree =
-            Tree::from_parts(&pairs, &[], Aabb::EMPTY, 0, CostModel::CLASSIC).expect("valid");
+        let tree = Tree::from_parts(pairs.to_vec(), vec![], Aabb::EMPTY, 0, CostModel::CLASSIC)
+            .expect("valid");
         let text = tree.stats().to_string();
         assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
         assert_eq!(tree.stats().empty_leaves, 1, "{text}");

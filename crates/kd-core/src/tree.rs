@@ -22,18 +22,19 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// A tree of its own arena from a builder's output.
+    /// A tree of its own arena from a builder's output, which is moved, not copied.
     ///
     /// Indices in `pairs` and `refs` count from 0; the root is the first node of the first pair, the other node of
     /// that pair is not used. `slots` is the number of triangles, `bounds` the box around them, and `cost` the model
-    /// the tree was built for. Linear in the number of nodes and references.
+    /// the tree was built for. Each node has one parent at most, so that a walk ends after as many steps as there are
+    /// nodes. Linear in the number of nodes and references.
     ///
     /// # Errors
     ///
-    /// [`TreeError`] names the first broken node, or says what is wrong with the cost model.
+    /// [`TreeError`] names the first broken node, or says what is wrong with the rest.
     pub fn from_parts(
-        pairs: &[Pair],
-        refs: &[Slot],
+        pairs: Vec<Pair>,
+        refs: Vec<Slot>,
         bounds: Aabb,
         slots: u32,
         cost: CostModel,
@@ -41,13 +42,35 @@ impl Tree {
         if pairs.is_empty() {
             return Err(TreeError::NoRoot);
         }
+        let mut arena = Arena::from_vecs(pairs, refs)?;
+        arena.freeze(slots)?;
+        refuse_shared_children(arena.nodes())?;
+        Self::from_arena(arena, NodeIndex(0), bounds, cost)
+    }
+
+    /// The tree below a frozen node of an arena. Subtrees may have several parents: that is how merged trees share
+    /// what stands still. Constant time.
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError`] if the root is not frozen, the box neither finite nor empty, or the cost model out of range.
+    pub fn from_arena(
+        arena: Arena,
+        root: NodeIndex,
+        bounds: Aabb,
+        cost: CostModel,
+    ) -> Result<Self, TreeError> {
         if let Some((field, rule)) = cost.problem() {
             return Err(TreeError::BadCost { field, rule });
         }
-        let mut arena = Arena::new();
-        let root = arena.append(pairs, refs)?;
-        arena.freeze(slots)?;
-        let depth = arena.height(root).ok_or(TreeError::NoRoot)?;
+        let is_finite = bounds.min.is_finite() && bounds.max.is_finite();
+        if bounds != Aabb::EMPTY && !is_finite {
+            return Err(TreeError::BadBounds);
+        }
+        let depth = arena
+            .height(root)
+            .ok_or(TreeError::BadRoot { node: root })?;
+        let slots = arena.slots();
         Ok(Self {
             arena,
             root,
@@ -111,12 +134,12 @@ impl Tree {
         self.arena.bytes()
     }
 
-    /// Counts, histograms and costs; linear in the number of nodes.
+    /// Counts, histograms and costs; linear in the number of nodes, each as often as there are paths to it.
     pub fn stats(&self) -> TreeStats {
         TreeStats::of(self)
     }
 
-    /// Checks that no part of any triangle is missing: every cell that a triangle reaches into leads to a leaf that
+    /// Checks that no part of any triangle is missing: the box is that of the mesh, and every cell that a triangle reaches into leads to a leaf that
     /// refers to it. A triangle lying in a plane needs to be on one side only.
     ///
     /// This is the builders' oracle, for tests and for files of unknown origin; traversal does not need it to be safe.
@@ -127,11 +150,14 @@ impl Tree {
     ///
     /// The first triangle that is missing somewhere, and the leaf that should refer to it.
     pub fn check_coverage(&self, mesh: &Mesh) -> Result<(), Uncovered> {
+        if self.bounds != mesh.bounds() {
+            return Err(Uncovered::Bounds);
+        }
         let slack = 1e-9 * (self.bounds.max.as_dvec3() - self.bounds.min.as_dvec3()).length();
         for (triangle, _) in (0_u32..).zip(mesh.triangles()) {
             let polygon: Vec<DVec3> = mesh.corners(triangle).map(|p| p.as_dvec3()).to_vec();
             if let Err(leaf) = self.covers(Slot(triangle), self.root, polygon, slack) {
-                return Err(Uncovered { triangle, leaf });
+                return Err(Uncovered::Triangle { triangle, leaf });
             }
         }
         Ok(())
@@ -177,14 +203,37 @@ impl Tree {
     }
 }
 
-/// A triangle that a leaf should refer to and does not.
+/// What a tree misses of its mesh.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("triangle {triangle} reaches into leaf {leaf}, which does not refer to it")]
-pub struct Uncovered {
-    /// The triangle's number.
-    pub triangle: u32,
-    /// The leaf's place.
-    pub leaf: NodeIndex,
+#[non_exhaustive]
+pub enum Uncovered {
+    /// The box of the tree is not the box of the mesh.
+    #[error("the bounds are not those of the mesh")]
+    Bounds,
+    /// A leaf should refer to a triangle and does not.
+    #[error("triangle {triangle} reaches into leaf {leaf}, which does not refer to it")]
+    Triangle {
+        /// The triangle's number.
+        triangle: u32,
+        /// The leaf's place.
+        leaf: NodeIndex,
+    },
+}
+
+/// Without a second parent anywhere, there is one path to each node.
+fn refuse_shared_children(nodes: &[Node]) -> Result<(), TreeError> {
+    let mut has_parent = vec![false; nodes.len() / 2];
+    for (place, node) in (0_u32..).zip(nodes) {
+        if node.is_leaf() {
+            continue;
+        }
+        let child = node.first_child();
+        if std::mem::replace(&mut has_parent[child.index() / 2], true) {
+            let node = NodeIndex(place);
+            return Err(TreeError::SharedChild { node, child });
+        }
+    }
+    Ok(())
 }
 
 /// The part of a polygon where `sign * coordinate <= sign * plane`.
@@ -226,7 +275,14 @@ mod tests {
         let root = Node::interior(Axis::X, split, NodeIndex(2)).expect("small");
         let pairs = [Pair([root, Node::EMPTY_LEAF]), Pair([lower, upper])];
         let mesh = two_triangles();
-        Tree::from_parts(&pairs, refs, mesh.bounds(), 2, CostModel::CLASSIC).expect("valid")
+        Tree::from_parts(
+            pairs.to_vec(),
+            refs.to_vec(),
+            mesh.bounds(),
+            2,
+            CostModel::CLASSIC,
+        )
+        .expect("valid")
     }
 
     #[test]
@@ -241,7 +297,7 @@ mod tests {
         let swapped = split_at(2.0, leaf(1, 1), leaf(0, 1), &[Slot(0), Slot(1)]);
         assert_eq!(
             swapped.check_coverage(&two_triangles()),
-            Err(Uncovered {
+            Err(Uncovered::Triangle {
                 triangle: 0,
                 leaf: NodeIndex(2)
             }),
@@ -250,7 +306,7 @@ mod tests {
         let straddled = split_at(0.5, leaf(0, 1), leaf(1, 1), &[Slot(0), Slot(1)]);
         assert_eq!(
             straddled.check_coverage(&two_triangles()),
-            Err(Uncovered {
+            Err(Uncovered::Triangle {
                 triangle: 0,
                 leaf: NodeIndex(3)
             }),
@@ -260,11 +316,66 @@ mod tests {
 
     #[test]
     fn no_nodes_is_no_tree() {
-        let error = Tree::from_parts(&[], &[], Aabb::EMPTY, 0, CostModel::CLASSIC);
+        let error = Tree::from_parts(vec![], vec![], Aabb::EMPTY, 0, CostModel::CLASSIC);
         assert_eq!(
             error.err(),
             Some(TreeError::NoRoot),
             "even an empty tree has a root"
         );
+    }
+
+    #[test]
+    fn what_does_not_belong_together_is_refused() {
+        let leaf = || vec![Pair([Node::EMPTY_LEAF; 2])];
+        let with = |bounds, cost| Tree::from_parts(leaf(), vec![], bounds, 0, cost).err();
+        let unit = Aabb::around([glam::Vec3::ZERO, glam::Vec3::ONE]);
+        assert_eq!(with(unit, CostModel::CLASSIC), None, "fine");
+        let mut infinite = unit;
+        infinite.max.x = f32::INFINITY;
+        assert_eq!(
+            with(infinite, CostModel::CLASSIC),
+            Some(TreeError::BadBounds),
+            "infinite"
+        );
+        let no_lanes = CostModel {
+            lanes: 0,
+            ..CostModel::CLASSIC
+        };
+        assert!(
+            matches!(with(unit, no_lanes), Some(TreeError::BadCost { .. })),
+            "no lanes"
+        );
+        let tree = Tree::from_parts(leaf(), vec![], unit, 0, CostModel::CLASSIC).expect("valid");
+        let uncovered = tree.check_coverage(&two_triangles());
+        assert_eq!(
+            uncovered,
+            Err(Uncovered::Bounds),
+            "the box of something else"
+        );
+        let root = NodeIndex(2);
+        let error = Tree::from_arena(Arena::new(), root, unit, CostModel::CLASSIC).err();
+        assert_eq!(
+            error,
+            Some(TreeError::BadRoot { node: root }),
+            "no such node"
+        );
+    }
+
+    /// 64 levels of it would be 2⁶⁴ paths.
+    #[test]
+    fn a_parts_list_with_shared_children_is_refused() {
+        let to = |first| Node::interior(Axis::X, 0.5, NodeIndex(first)).expect("small");
+        let pairs = vec![
+            Pair([to(2), Node::EMPTY_LEAF]),
+            Pair([to(4), to(4)]),
+            Pair([Node::EMPTY_LEAF; 2]),
+        ];
+        let unit = Aabb::around([glam::Vec3::ZERO, glam::Vec3::ONE]);
+        let error = Tree::from_parts(pairs, vec![], unit, 0, CostModel::CLASSIC).err();
+        let expected = TreeError::SharedChild {
+            node: NodeIndex(3),
+            child: NodeIndex(4),
+        };
+        assert_eq!(error, Some(expected), "the second parent");
     }
 }

@@ -25,13 +25,8 @@ impl Plane {
     ///
     /// It is total, so the winner does not depend on the order in which candidates are looked at.
     fn is_better(&self, other: &Self) -> bool {
-        let rank = |p: &Self| (p.axis, p.planar_side);
-        self.cost < other.cost
-            || (self.cost == other.cost
-                && (self.axis, self.position) < (other.axis, other.position))
-            || (self.cost == other.cost
-                && self.position == other.position
-                && rank(self) < rank(other))
+        let rank = |plane: &Self| (plane.axis, plane.position, plane.planar_side);
+        self.cost < other.cost || (self.cost == other.cost && rank(self) < rank(other))
     }
 }
 

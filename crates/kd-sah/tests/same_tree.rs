@@ -89,8 +89,10 @@ fn thread_counts_do_not_show() {
         "large enough for tasks: {}",
         mesh.len()
     );
+    let half_as_many_again = BuildOptions::best().with_max_refs(3 * mesh.len() as u64 / 2);
     for options in option_rows()
         .into_iter()
+        .chain([half_as_many_again])
         .chain([BuildOptions::fast().with_method(Method::Median)])
     {
         let with =

@@ -1,7 +1,7 @@
 //! A mesh with its tree.
 
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::BufWriter;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -39,19 +39,28 @@ impl KdTree {
 
     /// Writes the mesh and the tree to a file that [`load`](Self::load) reads, the same bytes on every platform.
     ///
+    /// They go to a file beside it first (`….partial`), so that one that is there already is replaced whole or not.
+    ///
     /// # Errors
     ///
     /// [`FileError`] names the file and what the system said.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
         let path = path.as_ref();
-        let written = File::create(path).and_then(|file| {
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(".partial");
+        let written = File::create(&partial).and_then(|file| {
             let mut file = BufWriter::new(file);
             kd_core::write_tree(&self.mesh, &self.tree, &mut file)?;
-            file.flush()
+            file.into_inner()?.sync_all()?;
+            std::fs::rename(&partial, path)
         });
-        written.map_err(|source| FileError::Io {
-            file: path.display().to_string(),
-            source,
+        written.map_err(|source| {
+            // Nothing is left of a failure; that it cannot be removed is not worth more than the failure itself.
+            std::fs::remove_file(&partial).ok();
+            FileError::Io {
+                file: path.display().to_string(),
+                source,
+            }
         })
     }
 

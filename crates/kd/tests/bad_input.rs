@@ -50,7 +50,7 @@ fn wrong_options_are_errors() {
     assert_eq!(
         error,
         BuildError::InvalidOption {
-            name: "traverse",
+            name: "cost.traverse",
             rule: "positive and finite"
         },
         "by name"

@@ -75,8 +75,8 @@ fn rays_that_cannot_hit_do_not() {
 fn no_triangles_no_hits() {
     let mesh = Mesh::new(vec![], vec![]).expect("valid");
     let empty = Tree::from_parts(
-        &[Pair([Node::EMPTY_LEAF; 2])],
-        &[],
+        vec![Pair([Node::EMPTY_LEAF; 2])],
+        vec![],
         Aabb::EMPTY,
         0,
         CostModel::CLASSIC,
@@ -346,12 +346,12 @@ fn a_hit_beside_its_triangle_is_found() {
             Node::interior(Axis::ALL[axis % 3], split, NodeIndex(first)).expect("small")
         };
         let leaf = Node::leaf(0, 1).expect("small");
-        let pairs = [
+        let pairs = vec![
             Pair([interior(axis, 9e-9, 2), Node::EMPTY_LEAF]),
             Pair([leaf, interior(axis + 1, 5e-9, 4)]),
             Pair([Node::EMPTY_LEAF, leaf]),
         ];
-        let tree = Tree::from_parts(&pairs, &[Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC);
+        let tree = Tree::from_parts(pairs, vec![Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC);
         let tree = tree.expect("valid");
         assert_eq!(tree.check_coverage(&mesh), Ok(()), "nothing is missing");
         for sign in [1.0, -1.0] {
@@ -367,7 +367,7 @@ fn the_filter_is_worth_having() {
     let mesh = scenes::soup();
     let slots: Vec<Slot> = (0..250).map(Slot).collect();
     let leaf = Pair([Node::leaf(0, 250).expect("small"), Node::EMPTY_LEAF]);
-    let tree = Tree::from_parts(&[leaf], &slots, mesh.bounds(), 250, CostModel::CLASSIC);
+    let tree = Tree::from_parts(vec![leaf], slots, mesh.bounds(), 250, CostModel::CLASSIC);
     let tree = tree.expect("valid");
     let mut rng = Rng(15);
     let (mut hit, mut decided) = (0, 0);

@@ -18,8 +18,8 @@ pub(crate) fn random_tree(mesh: &Mesh, seed: u64) -> Tree {
     builder.pairs[0].0[0] = builder.grow(mesh.bounds(), all, 0);
     let slots = u32::try_from(mesh.len()).expect("small");
     Tree::from_parts(
-        &builder.pairs,
-        &builder.refs,
+        builder.pairs,
+        builder.refs,
         mesh.bounds(),
         slots,
         CostModel::CLASSIC,
