@@ -7,6 +7,9 @@ use super::markdown::{Line, code_spans, prose};
 
 const WHERE: &str = "docs/architecture.md";
 
+/// What `.ci/run` runs and may therefore hold an invariant.
+const COMMANDS: [&str; 3] = ["clippy", "xtask tidy", "test --workspace"];
+
 pub(super) fn check(
     documents: &[Document],
     sources: &[Document],
@@ -27,8 +30,8 @@ pub(super) fn check(
         let last_column = row.text.trim().trim_end_matches('|').rsplit('|').next();
         let mut checkers = 0;
         for span in code_spans(last_column.unwrap_or_default()) {
-            let found = if span.starts_with("cargo ") {
-                true
+            let found = if let Some(command) = span.strip_prefix("cargo ") {
+                COMMANDS.contains(&command)
             } else if span.contains("::") {
                 test_exists(span, sources)
             } else if span.contains('/') || span.ends_with(".toml") {
@@ -64,7 +67,7 @@ fn rows(text: &str) -> Vec<Line<'_>> {
         .collect()
 }
 
-/// Whether `crate::module::name` is a function in that crate and in a file of that module (its first part).
+/// Whether `crate::module::name` is a test in that crate and in a file of that module (its first part).
 fn test_exists(path: &str, sources: &[Document]) -> bool {
     let parts: Vec<&str> = path.split("::").collect();
     let [crate_name, modules @ .., name] = parts.as_slice() else {
@@ -82,10 +85,17 @@ fn test_exists(path: &str, sources: &[Document]) -> bool {
             source.path.ends_with(&format!("/{module}.rs"))
                 || source.path.contains(&format!("/{module}/"))
         });
-        source.path.starts_with(&folder)
-            && in_module
-            && source.text.contains(&format!("fn {name}("))
+        source.path.starts_with(&folder) && in_module && has_test(&source.text, name)
     })
+}
+
+/// Whether a function of that name has `#[test]` among its attributes.
+fn has_test(source: &str, name: &str) -> bool {
+    let Some((before, _)) = source.split_once(&format!("fn {name}(")) else {
+        return false;
+    };
+    let attributes = before.rsplit("\n\n").next().unwrap_or(before);
+    attributes.contains("#[test]")
 }
 
 #[cfg(test)]
@@ -99,7 +109,10 @@ mod tests {
         );
         let sources = [
             document("crates/kd-core/src/node.rs", "#[test]\nfn packs() {}\n"),
-            document("crates/kd/tests/oracle.rs", "fn agrees() {}\n"),
+            document(
+                "crates/kd/tests/oracle.rs",
+                "#[test]\nfn agrees() {}\n\nfn helps() {}\n",
+            ),
         ];
         check(&[document(WHERE, &text)], &sources, &|path| {
             path == "crates/kd/tests/oracle.rs"
@@ -116,7 +129,8 @@ mod tests {
     #[test]
     fn rows_without_one_are_named() {
         let table = "| one | `kd_core::node::tests::gone` |\n| two | `kd_core::tree::packs` |\n\
-                     | three | trust me |\n| four | `crates/kd/tests/gone.rs` |";
+                     | three | trust me |\n| four | `crates/kd/tests/gone.rs` |\n\
+                     | five | `kd::oracle::helps` |\n| six | `cargo hope` |";
         assert_eq!(
             complaints(table),
             [
@@ -124,8 +138,10 @@ mod tests {
                 "docs/architecture.md:7: there is no `kd_core::tree::packs`",
                 "docs/architecture.md:8: names no test, file or command that checks it",
                 "docs/architecture.md:9: there is no `crates/kd/tests/gone.rs`",
+                "docs/architecture.md:10: there is no `kd::oracle::helps`",
+                "docs/architecture.md:11: there is no `cargo hope`",
             ],
-            "a missing test, one in another module, none at all, a missing file"
+            "a missing test, one in another module, none at all, a missing file, no test, no such command"
         );
     }
 
