@@ -26,11 +26,11 @@ impl CostModel {
         empty_bonus: 0.9,
     };
 
-    /// The model of our own traversal, triangles tested one by one: a step to the next node costs half as much again
-    /// as a triangle, most of which the f32 rejection ends early.
+    /// The model of our own traversal, triangles tested one by one: a step to the next node counts half as much again
+    /// as a triangle, most of which are rejected early.
     ///
-    /// Of K_I 8, 14, 20, 30 and 45 per K_T 15 and bonuses 0.8 and 0.9, the two lowest K_I traced fastest or within
-    /// noise of it on a scan, a room and a city, with 20 to 40 % fewer references than 20 (2026-11-23).
+    /// Chosen by hand among a few: a lower K_I than that of [`CLASSIC`](Self::CLASSIC) gave fewer references, and rays
+    /// within the noise of a busy machine. Not fitted.
     pub const SCALAR: Self = Self {
         traverse: 1.0,
         intersect: 0.7,
