@@ -1,12 +1,8 @@
 //! The part of a triangle inside a box: what makes a split *perfect*.
 
 use glam::{DVec3, Vec3};
-use smallvec::SmallVec;
 
 use crate::{Aabb, Axis};
-
-/// A triangle cut by six planes has at most nine corners.
-type Polygon = SmallVec<[DVec3; 9]>;
 
 /// The box around the part of a triangle that lies in `cell`, or `None` if it does not reach into the cell.
 ///
@@ -14,58 +10,156 @@ type Polygon = SmallVec<[DVec3; 9]>;
 /// rounded outwards and cut to the cell, so it never loses more than the rounding of f64. A triangle that only
 /// touches the cell counts as inside. Constant time.
 pub fn clipped_bounds(corners: [Vec3; 3], cell: &Aabb) -> Option<Aabb> {
-    let polygon = clip(corners.map(|p| p.as_dvec3()).into_iter().collect(), cell)?;
-    let mut min = polygon[0];
-    let mut max = polygon[0];
-    for p in &polygon[1..] {
-        min = min.min(*p);
-        max = max.max(*p);
+    let mut around = Around::NOTHING;
+    for point in Polygon::clipped(corners, cell).points() {
+        around.add(*point);
     }
-    let outwards = Aabb {
-        min: Vec3::from_array(min.to_array().map(round_down)),
-        max: Vec3::from_array(max.to_array().map(round_up)),
+    around.rounded_outwards(cell)
+}
+
+/// [`clipped_bounds`] for both parts of a cell that is cut at `position` along `axis`: the lower part's, then the upper
+/// part's. It clips to the cell once.
+pub fn clipped_halves(
+    corners: [Vec3; 3],
+    cell: &Aabb,
+    axis: Axis,
+    position: f32,
+) -> [Option<Aabb>; 2] {
+    let polygon = Polygon::clipped(corners, cell);
+    let (along, plane) = (axis.index(), f64::from(position));
+    let (mut lower, mut upper) = (Around::NOTHING, Around::NOTHING);
+    for (from, to) in polygon.edges() {
+        if to[along] <= plane {
+            lower.add(to);
+        }
+        if to[along] >= plane {
+            upper.add(to);
+        }
+        if (from[along] < plane && plane < to[along]) || (to[along] < plane && plane < from[along])
+        {
+            let point = crossing(from, to, along, plane);
+            lower.add(point);
+            upper.add(point);
+        }
+    }
+    let (lower_cell, upper_cell) = cell.split(axis, position);
+    [
+        lower.rounded_outwards(&lower_cell),
+        upper.rounded_outwards(&upper_cell),
+    ]
+}
+
+/// A triangle cut by six planes has at most nine corners.
+const MOST_CORNERS: usize = 9;
+
+/// A convex polygon, corners in order. Empty is nothing.
+#[derive(Clone, Copy)]
+struct Polygon {
+    corners: [DVec3; MOST_CORNERS],
+    count: usize,
+}
+
+impl Polygon {
+    /// The part of a triangle in a cell, by Sutherland and Hodgman's clipping against the sides that it crosses.
+    #[inline]
+    fn clipped(corners: [Vec3; 3], cell: &Aabb) -> Self {
+        let mut polygon = Self {
+            corners: [DVec3::ZERO; MOST_CORNERS],
+            count: 3,
+        };
+        for (to, from) in polygon.corners.iter_mut().zip(corners) {
+            *to = from.as_dvec3();
+        }
+        let [a, b, c] = corners;
+        let (below, above) = (
+            a.min(b).min(c).cmplt(cell.min),
+            a.max(b).max(c).cmpgt(cell.max),
+        );
+        for axis in 0..3 {
+            if below.test(axis) {
+                polygon.keep_inside(axis, f64::from(cell.min[axis]), 1.0);
+            }
+            if above.test(axis) {
+                polygon.keep_inside(axis, f64::from(cell.max[axis]), -1.0);
+            }
+        }
+        polygon
+    }
+
+    fn points(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    /// Each corner with the one before it.
+    fn edges(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
+        let points = self.points();
+        let before = points.iter().cycle().skip(self.count.saturating_sub(1));
+        before.copied().zip(points.iter().copied())
+    }
+
+    /// Keeps what lies on the side of the plane that `sign` points to, the plane included.
+    fn keep_inside(&mut self, axis: usize, plane: f64, sign: f64) {
+        let is_outside = |p: DVec3| (p[axis] - plane) * sign < 0.0;
+        let whole = *self;
+        self.count = 0;
+        for (from, to) in whole.edges() {
+            if is_outside(from) != is_outside(to) {
+                self.push(crossing(from, to, axis, plane));
+            }
+            if !is_outside(to) {
+                self.push(to);
+            }
+        }
+    }
+
+    /// Rounding can make a polygon cross a plane more than twice, if only within an ulp; then it may have a corner too
+    /// many, which is as good as the last one.
+    fn push(&mut self, point: DVec3) {
+        self.count = (self.count + 1).min(MOST_CORNERS);
+        self.corners[self.count - 1] = point;
+    }
+}
+
+/// Where an edge crosses a plane. The same edge seen from its two ends gives the same point: it starts at the lower
+/// end always.
+fn crossing(from: DVec3, to: DVec3, axis: usize, plane: f64) -> DVec3 {
+    let (a, b) = if from[axis] < to[axis] {
+        (from, to)
+    } else {
+        (to, from)
     };
-    Some(outwards.intersection(cell))
+    let mut point = a + (b - a) * ((plane - a[axis]) / (b[axis] - a[axis]));
+    point[axis] = plane;
+    point
 }
 
-/// Sutherland and Hodgman's clipping against the six sides; sides that nothing crosses cost three comparisons.
-fn clip(mut polygon: Polygon, cell: &Aabb) -> Option<Polygon> {
-    for axis in Axis::ALL.map(Axis::index) {
-        keep_inside(&mut polygon, axis, f64::from(cell.min[axis]), 1.0);
-        keep_inside(&mut polygon, axis, f64::from(cell.max[axis]), -1.0);
-        if polygon.is_empty() {
-            return None;
-        }
-    }
-    Some(polygon)
+/// The box around points, while it grows.
+struct Around {
+    min: DVec3,
+    max: DVec3,
 }
 
-/// Keeps what lies on the side of the plane that `sign` points to, the plane included.
-fn keep_inside(polygon: &mut Polygon, axis: usize, plane: f64, sign: f64) {
-    let outside = |p: &DVec3| (p[axis] - plane) * sign < 0.0;
-    if !polygon.iter().any(outside) {
-        return;
+impl Around {
+    const NOTHING: Self = Self {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+
+    #[inline]
+    fn add(&mut self, point: DVec3) {
+        self.min = self.min.min(point);
+        self.max = self.max.max(point);
     }
-    let mut kept = Polygon::new();
-    let mut from = *polygon.last().expect("a point is outside, so there is one");
-    for &to in polygon.iter() {
-        if outside(&from) != outside(&to) {
-            // The same edge seen from its two ends must give the same point: start at the lower end always.
-            let (a, b) = if from[axis] < to[axis] {
-                (from, to)
-            } else {
-                (to, from)
-            };
-            let mut crossing = a + (b - a) * ((plane - a[axis]) / (b[axis] - a[axis]));
-            crossing[axis] = plane;
-            kept.push(crossing);
-        }
-        if !outside(&to) {
-            kept.push(to);
-        }
-        from = to;
+
+    /// The box in f32, rounded outwards and cut to the cell; `None` without points.
+    #[inline]
+    fn rounded_outwards(&self, cell: &Aabb) -> Option<Aabb> {
+        let outwards = Aabb {
+            min: Vec3::from_array(self.min.to_array().map(round_down)),
+            max: Vec3::from_array(self.max.to_array().map(round_up)),
+        };
+        (self.min.x <= self.max.x).then(|| outwards.intersection(cell))
     }
-    *polygon = kept;
 }
 
 /// The largest f32 not above `x`.
@@ -148,6 +242,24 @@ mod tests {
     }
 
     proptest! {
+        /// Clipping to the cell once, or to each half of it, may round differently, and not otherwise.
+        #[test]
+        fn halves_are_the_parts(a in point(4.0), b in point(4.0), c in point(4.0), axis in 0_usize..3, at in -0.9_f32..1.4) {
+            let cell = Aabb::around([Vec3::splat(-1.0), Vec3::splat(1.5)]);
+            let (lower, upper) = cell.split(Axis::ALL[axis], at);
+            let halves = clipped_halves([a, b, c], &cell, Axis::ALL[axis], at);
+            for (half, part) in halves.into_iter().zip([lower, upper]) {
+                match (half, clipped_bounds([a, b, c], &part)) {
+                    (Some(half), Some(alone)) => {
+                        prop_assert!((half.min - alone.min).abs().max_element() < 1e-6, "{half:?} {alone:?}");
+                        prop_assert!((half.max - alone.max).abs().max_element() < 1e-6, "{half:?} {alone:?}");
+                        prop_assert!(half.intersection(&part) == half);
+                    }
+                    (half, alone) => prop_assert_eq!(half, alone),
+                }
+            }
+        }
+
         /// Points of the triangle inside the cell are inside the clipped box, up to the rounding of the point itself.
         #[test]
         fn nothing_inside_is_lost(a in point(4.0), b in point(4.0), c in point(4.0), u in 0.0_f64..1.0, v in 0.0_f64..1.0) {

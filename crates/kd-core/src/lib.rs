@@ -36,7 +36,7 @@ mod tree;
 pub use aabb::Aabb;
 pub use arena::{Arena, MAX_DEPTH, TreeError};
 pub use axis::Axis;
-pub use clip::clipped_bounds;
+pub use clip::{clipped_bounds, clipped_halves};
 pub use cost::CostModel;
 pub use file::{FileError, read_tree, write_tree};
 pub use id::{NodeIndex, Slot};

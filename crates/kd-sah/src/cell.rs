@@ -3,124 +3,236 @@
 use kd_core::{Aabb, PrimSource};
 
 use crate::plane::{Plane, Side};
-
-/// A primitive, or the part of one that lies in a cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Prim {
-    /// Which one: its number in the source.
-    pub(crate) slot: u32,
-    /// The box around the part.
-    pub(crate) bounds: Aabb,
-}
+use crate::prim::{Around, Prim};
+use crate::tasks::{self, CHUNK};
 
 /// What a chooser is asked about.
 #[derive(Clone, Debug)]
 pub(crate) struct Cell {
     pub(crate) bounds: Aabb,
+    /// The box around all its primitives; empty if there are none.
+    pub(crate) tight: Aabb,
     /// In ascending order of slots.
     pub(crate) prims: Vec<Prim>,
     /// Interior nodes above it.
     pub(crate) depth: u32,
 }
 
-/// Where a primitive of a cell went when the cell was divided.
+/// Where a primitive lies, as seen from a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Moved {
-    /// Below the plane, under this number, as it was.
-    Lower(u32),
-    /// Above the plane, under this number, as it was.
-    Upper(u32),
-    /// The plane cut it, so that what is left of it has new boxes.
-    Cut,
+pub(crate) enum Place {
+    Lower,
+    Upper,
+    /// On both sides.
+    Across,
 }
 
-/// A cell divided.
-#[derive(Debug)]
-pub(crate) struct Division {
-    pub(crate) lower: Cell,
-    pub(crate) upper: Cell,
-    /// Where each primitive of the divided cell went.
-    pub(crate) moved: Vec<Moved>,
-    /// Numbers in `lower` of primitives that were cut.
-    pub(crate) cut_lower: Vec<u32>,
-    /// Numbers in `upper` of primitives that were cut.
-    pub(crate) cut_upper: Vec<u32>,
+impl Place {
+    /// Sides follow from comparing boxes with the plane, exactly as planes are counted.
+    #[inline]
+    pub(crate) fn of(prim: &Prim, plane: &Plane) -> Self {
+        let (start, end) = (prim.start(plane.axis), prim.end(plane.axis));
+        let (below, above) = (start < plane.position, end > plane.position);
+        match (below, above) {
+            (true, true) => Self::Across,
+            (true, false) => Self::Lower,
+            (false, true) => Self::Upper,
+            (false, false) => match plane.planar_side {
+                Side::Lower => Self::Lower,
+                Side::Upper => Self::Upper,
+            },
+        }
+    }
 }
 
 impl Cell {
     /// Divides the cell. What straddles the plane is clipped anew from the original primitive ("perfect split").
     ///
-    /// All builders divide by this one function, and sides follow from comparing boxes with the plane, exactly as
-    /// planes are counted; so equal planes give equal trees.
-    pub(crate) fn divide(&self, source: &impl PrimSource, plane: &Plane) -> Division {
+    /// All builders divide by this one function, so equal planes give equal trees. Large cells are divided in chunks,
+    /// possibly on several threads (ClassifyTriangles and FilterGeometry of Choi et al. 2010): each chunk is counted,
+    /// so that each knows where its part of the outcome goes, and the order is that of the cell.
+    pub(crate) fn divide(
+        &self,
+        source: &impl PrimSource,
+        plane: &Plane,
+        parallel: bool,
+    ) -> (Self, Self) {
         let (lower_bounds, upper_bounds) = self.bounds.split(plane.axis, plane.position);
-        let below = |bounds| Self {
+        let counts = tasks::map(
+            self.prims.chunks(CHUNK).collect(),
+            parallel,
+            |chunk: &[Prim]| Counted::of(chunk, plane),
+        );
+        let total = counts
+            .iter()
+            .fold(Counted::default(), |sum, count| Counted {
+                lower: sum.lower + count.lower,
+                upper: sum.upper + count.upper,
+            });
+        let mut lower = vec![Prim::NONE; total.lower];
+        let mut upper = vec![Prim::NONE; total.upper];
+
+        let mut chunks = Vec::with_capacity(counts.len());
+        let (mut lower_rest, mut upper_rest) = (lower.as_mut_slice(), upper.as_mut_slice());
+        for (chunk, count) in self.prims.chunks(CHUNK).zip(&counts) {
+            let (lower, upper);
+            (lower, lower_rest) = lower_rest.split_at_mut(count.lower);
+            (upper, upper_rest) = upper_rest.split_at_mut(count.upper);
+            chunks.push(Division {
+                source,
+                plane,
+                cell: &self.bounds,
+                prims: chunk,
+                lower,
+                upper,
+            });
+        }
+        let divided = tasks::map(chunks, parallel, Division::run);
+        let (mut lower_tight, mut upper_tight) = (Around::NOTHING, Around::NOTHING);
+        for done in &divided {
+            lower_tight.join(&done.lower_tight);
+            upper_tight.join(&done.upper_tight);
+        }
+        close_gaps(
+            &mut lower,
+            divided
+                .iter()
+                .zip(&counts)
+                .map(|(done, count)| (done.filled.lower, count.lower)),
+        );
+        close_gaps(
+            &mut upper,
+            divided
+                .iter()
+                .zip(&counts)
+                .map(|(done, count)| (done.filled.upper, count.upper)),
+        );
+        let part = |bounds, tight: Around, prims| Self {
             bounds,
-            prims: Vec::new(),
+            tight: tight.bounds(),
+            prims,
             depth: self.depth + 1,
         };
-        let mut division = Division {
-            lower: below(lower_bounds),
-            upper: below(upper_bounds),
-            moved: Vec::with_capacity(self.prims.len()),
-            cut_lower: Vec::new(),
-            cut_upper: Vec::new(),
-        };
-        for prim in &self.prims {
-            division.add(source, plane, prim);
-        }
-        division
+        (
+            part(lower_bounds, lower_tight, lower),
+            part(upper_bounds, upper_tight, upper),
+        )
     }
 }
 
-impl Division {
-    /// The two parts; everything else is freed.
-    pub(crate) fn into_cells(self) -> (Cell, Cell) {
-        (self.lower, self.upper)
-    }
+/// How many primitives reach below and above a plane.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counted {
+    lower: usize,
+    upper: usize,
+}
 
-    fn add(&mut self, source: &impl PrimSource, plane: &Plane, prim: &Prim) {
-        let axis = plane.axis.index();
-        let (start, end) = (prim.bounds.min[axis], prim.bounds.max[axis]);
-        let is_planar = start == plane.position && end == plane.position;
-        let moved = match (is_planar, plane.planar_side) {
-            (true, Side::Lower) => Moved::Lower(push(&mut self.lower, *prim)),
-            (true, Side::Upper) => Moved::Upper(push(&mut self.upper, *prim)),
-            (false, _) if end <= plane.position => Moved::Lower(push(&mut self.lower, *prim)),
-            (false, _) if start >= plane.position => Moved::Upper(push(&mut self.upper, *prim)),
-            (false, _) => {
-                self.cut(source, plane, prim);
-                Moved::Cut
+impl Counted {
+    fn of(prims: &[Prim], plane: &Plane) -> Self {
+        let planar_lower = plane.planar_side == Side::Lower;
+        let (mut lower, mut upper) = (0, 0);
+        for prim in prims {
+            let (below, above) = (
+                prim.start(plane.axis) < plane.position,
+                prim.end(plane.axis) > plane.position,
+            );
+            lower += usize::from(below | (!above & planar_lower));
+            upper += usize::from(above | (!below & !planar_lower));
+        }
+        Self { lower, upper }
+    }
+}
+
+/// One chunk of a cell on its way to both parts.
+struct Division<'a, S> {
+    source: &'a S,
+    plane: &'a Plane,
+    cell: &'a Aabb,
+    prims: &'a [Prim],
+    lower: &'a mut [Prim],
+    upper: &'a mut [Prim],
+}
+
+/// What came of it.
+struct Divided {
+    filled: Counted,
+    lower_tight: Around,
+    upper_tight: Around,
+}
+
+impl<S: PrimSource> Division<'_, S> {
+    fn run(self) -> Divided {
+        let plane = self.plane;
+        let planar_lower = plane.planar_side == Side::Lower;
+        let (mut lower, mut upper) = (0, 0);
+        let (mut lower_tight, mut upper_tight) = (Around::NOTHING, Around::NOTHING);
+        for prim in self.prims {
+            let (below, above) = (
+                prim.start(plane.axis) < plane.position,
+                prim.end(plane.axis) > plane.position,
+            );
+            if below && above {
+                let [low, high] = self.cut(prim);
+                if let Some(part) = low {
+                    self.lower[lower] = part;
+                    lower_tight.add(&part);
+                    lower += 1;
+                }
+                if let Some(part) = high {
+                    self.upper[upper] = part;
+                    upper_tight.add(&part);
+                    upper += 1;
+                }
+                continue;
             }
-        };
-        self.moved.push(moved);
+            // Which side is as good as random, so it is written to both, and kept on one.
+            let is_lower = below | (!above & planar_lower);
+            if let Some(place) = self.lower.get_mut(lower) {
+                *place = *prim;
+            }
+            if let Some(place) = self.upper.get_mut(upper) {
+                *place = *prim;
+            }
+            lower += usize::from(is_lower);
+            upper += usize::from(!is_lower);
+        }
+        for prim in &self.lower[..lower] {
+            lower_tight.add(prim);
+        }
+        for prim in &self.upper[..upper] {
+            upper_tight.add(prim);
+        }
+        Divided {
+            filled: Counted { lower, upper },
+            lower_tight,
+            upper_tight,
+        }
     }
 
-    fn cut(&mut self, source: &impl PrimSource, plane: &Plane, prim: &Prim) {
-        let mut lower = source.clipped_bounds(prim.slot, &self.lower.bounds);
-        let mut upper = source.clipped_bounds(prim.slot, &self.upper.bounds);
-        if lower.is_none() && upper.is_none() {
+    /// The parts of a primitive that the plane cuts.
+    fn cut(&self, prim: &Prim) -> [Option<Prim>; 2] {
+        let (slot, plane) = (prim.slot(), self.plane);
+        let mut parts = self
+            .source
+            .clipped_halves(slot, self.cell, plane.axis, plane.position);
+        if parts == [None, None] {
             // Rounding put a sliver of it outside of both; it must not be lost.
-            let (below, above) = prim.bounds.split(plane.axis, plane.position);
-            (lower, upper) = (Some(below), Some(above));
+            let (below, above) = prim.bounds().split(plane.axis, plane.position);
+            parts = [Some(below), Some(above)];
         }
-        let slot = prim.slot;
-        if let Some(bounds) = lower {
-            self.cut_lower
-                .push(push(&mut self.lower, Prim { slot, bounds }));
-        }
-        if let Some(bounds) = upper {
-            self.cut_upper
-                .push(push(&mut self.upper, Prim { slot, bounds }));
-        }
+        parts.map(|part| part.map(|bounds| Prim::new(slot, &bounds)))
     }
 }
 
-#[allow(
-    clippy::cast_possible_truncation,
-    reason = "at most MAX_TRIANGLES, which has 30 bits"
-)]
-fn push(cell: &mut Cell, prim: Prim) -> u32 {
-    cell.prims.push(prim);
-    cell.prims.len() as u32 - 1
+/// Moves what was filled together, where clipping left less of a chunk than was counted.
+fn close_gaps(prims: &mut Vec<Prim>, chunks: impl Iterator<Item = (usize, usize)>) {
+    let (mut to, mut from) = (0, 0);
+    for (filled, counted) in chunks {
+        if to < from {
+            prims.copy_within(from..from + filled, to);
+        }
+        to += filled;
+        from += counted;
+    }
+    prims.truncate(to);
 }

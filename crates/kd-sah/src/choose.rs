@@ -1,17 +1,25 @@
 //! The seam between the driver and the ways to choose a plane: one file each.
 
+mod binned;
 mod exact;
+mod hybrid;
 mod median;
 mod naive;
 mod resort;
+mod sampled;
+mod sweep;
 
+pub(crate) use binned::Binned;
 pub(crate) use exact::Exact;
+pub(crate) use hybrid::Hybrid;
 pub(crate) use median::Median;
 pub(crate) use naive::Naive;
 pub(crate) use resort::Resort;
+pub(crate) use sampled::Sampled;
+pub(crate) use sweep::Sweep;
 
-use crate::cell::{Cell, Division};
-use crate::plane::Plane;
+use crate::cell::Cell;
+use crate::plane::{CellCost, Plane};
 
 /// A way to choose planes. The driver does everything else: when to stop, dividing cells, making nodes, tasks.
 pub(crate) trait ChoosePlane: Sync {
@@ -24,9 +32,48 @@ pub(crate) trait ChoosePlane: Sync {
     /// What to keep for the root.
     fn begin(&self, root: &Cell) -> Self::Kept;
 
-    /// The plane for a cell of at least one primitive; `None` if nothing divides it.
-    fn choose(&self, cell: &Cell, kept: &Self::Kept) -> Option<Plane>;
+    /// The plane for a cell of at least one primitive; `None` if nothing divides it. `cost` is that of planes in this
+    /// cell. Several threads may be used if `parallel`; the plane must not depend on it.
+    fn choose(
+        &self,
+        cell: &Cell,
+        kept: &Self::Kept,
+        cost: &CellCost,
+        parallel: bool,
+    ) -> Option<Plane>;
 
     /// What to keep for the lower and the upper part of a divided cell.
-    fn divide(&self, kept: Self::Kept, division: &Division) -> [Self::Kept; 2];
+    fn divide(
+        &self,
+        kept: Self::Kept,
+        cell: &Cell,
+        plane: &Plane,
+        parts: [&Cell; 2],
+        parallel: bool,
+    ) -> [Self::Kept; 2];
+}
+
+/// Choosers that look at the cell alone, and keep nothing from cell to cell.
+pub(crate) trait Memoryless: Sync {
+    /// See [`ChoosePlane::BY_COST`].
+    const BY_COST: bool = true;
+
+    /// See [`ChoosePlane::choose`].
+    fn plane(&self, cell: &Cell, cost: &CellCost, parallel: bool) -> Option<Plane>;
+}
+
+impl<C: Memoryless> ChoosePlane for C {
+    const BY_COST: bool = C::BY_COST;
+
+    type Kept = ();
+
+    fn begin(&self, _: &Cell) {}
+
+    fn choose(&self, cell: &Cell, (): &(), cost: &CellCost, parallel: bool) -> Option<Plane> {
+        self.plane(cell, cost, parallel)
+    }
+
+    fn divide(&self, (): (), _: &Cell, _: &Plane, _: [&Cell; 2], _: bool) -> [(); 2] {
+        [(), ()]
+    }
 }

@@ -2,8 +2,9 @@
 
 use kd_core::Axis;
 
-use crate::cell::Prim;
 use crate::plane::{BestPlane, Counts};
+use crate::prim::Prim;
+use crate::tasks::{self, CHUNK};
 
 /// A start, an end, or both at once (planar), packed so that integers in order are events in order:
 ///
@@ -24,6 +25,27 @@ const KIND_SHIFT: u32 = 30;
 const PRIM_MASK: u64 = (1 << KIND_SHIFT) - 1;
 
 impl Event {
+    /// To fill memory with before it is written.
+    pub(crate) const NONE: Self = Self(0);
+
+    /// A start whose primitive does not matter.
+    #[inline]
+    pub(crate) fn start(position: f32) -> Self {
+        Self::new(position, START, 0)
+    }
+
+    /// An end whose primitive does not matter.
+    #[inline]
+    pub(crate) fn end(position: f32) -> Self {
+        Self::new(position, END, 0)
+    }
+
+    /// A start and end at once, whose primitive does not matter.
+    #[inline]
+    pub(crate) fn planar(position: f32) -> Self {
+        Self::new(position, PLANAR, 0)
+    }
+
     fn new(position: f32, kind: u64, prim: u32) -> Self {
         Self(u64::from(ordered(position)) << 32 | kind << KIND_SHIFT | u64::from(prim))
     }
@@ -72,30 +94,35 @@ fn unordered(key: u32) -> f32 {
 }
 
 /// Appends the events of one primitive on one axis.
-pub(crate) fn push_events(events: &mut Vec<Event>, axis: Axis, prim: u32, from: &Prim) {
-    let (start, end) = (from.bounds.min[axis.index()], from.bounds.max[axis.index()]);
+pub(crate) fn push_events(events: &mut Vec<Event>, axis: Axis, number: u32, prim: &Prim) {
+    let (start, end) = (prim.start(axis), prim.end(axis));
     if start == end {
-        events.push(Event::new(start, PLANAR, prim));
+        events.push(Event::new(start, PLANAR, number));
     } else {
-        events.push(Event::new(start, START, prim));
-        events.push(Event::new(end, END, prim));
+        events.push(Event::new(start, START, number));
+        events.push(Event::new(end, END, number));
     }
 }
 
 /// All events of a cell on one axis, not sorted.
 pub(crate) fn events_of(prims: &[Prim], axis: Axis) -> Vec<Event> {
     let mut events = Vec::with_capacity(2 * prims.len());
-    for (prim, from) in (0_u32..).zip(prims) {
-        push_events(&mut events, axis, prim, from);
+    for (number, prim) in (0_u32..).zip(prims) {
+        push_events(&mut events, axis, number, prim);
     }
     events
 }
 
 /// Offers every position with an event, with the counts on both sides kept up along the way (Wald and Havran 2006,
-/// Algorithm 4).
-pub(crate) fn sweep(events: &[Event], axis: Axis, prims: usize, best: &mut BestPlane<'_>) {
-    let mut lower = 0;
-    let mut upper = prims;
+/// Algorithm 4). `lower` primitives reach below all of the events, `upper` above where the events start. Each event
+/// and each of these stands for `weight` primitives.
+pub(crate) fn sweep(
+    events: &[Event],
+    axis: Axis,
+    (mut lower, mut upper): (usize, usize),
+    weight: usize,
+    best: &mut BestPlane<'_>,
+) {
     let mut rest = events;
     while let Some(first) = rest.first() {
         let here = first.position_bits();
@@ -112,13 +139,67 @@ pub(crate) fn sweep(events: &[Event], axis: Axis, prims: usize, best: &mut BestP
             axis,
             first.position(),
             Counts {
-                lower,
-                planar,
-                upper,
+                lower: weight * lower,
+                planar: weight * planar,
+                upper: weight * upper,
             },
         );
         lower += planar + starts;
     }
+}
+
+/// [`sweep`] in chunks, possibly on several threads (Choi et al. 2010): PreScan counts the events of each chunk, Push
+/// adds up what lies before it, SAHScan looks for its best plane.
+pub(crate) fn sweep_in_chunks(
+    events: &[Event],
+    axis: Axis,
+    prims: usize,
+    best: &mut BestPlane<'_>,
+    parallel: bool,
+) {
+    let chunks = chunks(events);
+    let counted = tasks::map(chunks.clone(), parallel, |chunk| {
+        let mut count_of = [0_usize; 3];
+        for event in chunk {
+            count_of[event.kind()] += 1;
+        }
+        count_of
+    });
+    let mut before = (0, prims);
+    let mut scans = Vec::with_capacity(chunks.len());
+    for (chunk, [ends, planar, starts]) in chunks.into_iter().zip(counted) {
+        scans.push((chunk, before));
+        before = (before.0 + planar + starts, before.1 - planar - ends);
+    }
+    let empty = BestPlane::new(best.cost);
+    let found = tasks::map(scans, parallel, |(chunk, before)| {
+        let mut best = empty;
+        sweep(chunk, axis, before, 1, &mut best);
+        best.found()
+    });
+    for plane in found.into_iter().flatten() {
+        best.take(plane);
+    }
+}
+
+/// Contiguous parts of sorted events, cut between positions only.
+fn chunks(mut events: &[Event]) -> Vec<&[Event]> {
+    let mut chunks = Vec::with_capacity(events.len() / CHUNK + 1);
+    while events.len() > CHUNK {
+        let here = events[CHUNK].position_bits();
+        let cut = events.partition_point(|event| event.position_bits() < here);
+        // All of the chunk at one position: it ends where the next one starts.
+        let cut = if cut > 0 {
+            cut
+        } else {
+            events.partition_point(|event| event.position_bits() == here)
+        };
+        let (chunk, rest) = events.split_at(cut);
+        chunks.push(chunk);
+        events = rest;
+    }
+    chunks.push(events);
+    chunks
 }
 
 #[cfg(test)]

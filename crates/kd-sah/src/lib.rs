@@ -17,8 +17,21 @@
 //!
 //! # Which method
 //!
-//! [`Method::Exact`] (Wald and Havran 2006) is the one to use. [`Method::Naive`] and [`Method::Resort`] give the very
-//! same tree slowly and are here to prove it; [`Method::Median`] shows what the surface area heuristic is worth.
+//! The presets choose for you. [`Method::Exact`] finds the plane of least cost everywhere; [`Method::Hybrid`] only
+//! below some number of primitives, and builds faster for a tree that is nearly as good.
+//!
+//! | method | planes | from |
+//! |---|---|---|
+//! | [`Median`](Method::Median) | the middle of the cell | slides |
+//! | [`Naive`](Method::Naive) | exact, O(N²) | slides |
+//! | [`Resort`](Method::Resort) | exact, events sorted in each cell | slides |
+//! | [`Sweep`](Method::Sweep) | exact, events sorted once | Wald and Havran 2006 |
+//! | [`Exact`](Method::Exact) | exact, bins that bound what is in them | here |
+//! | [`Binned`](Method::Binned) | between bins, adjusted | Shevtsov et al. 2007 |
+//! | [`Sampled`](Method::Sampled) | piecewise quadratic cost | Hunt et al. 2006 |
+//! | [`Hybrid`](Method::Hybrid) | binned above, exact below | here |
+//!
+//! The four exact ones give the very same tree, bit for bit; the slow ones are there to prove it.
 //!
 //! # What holds for every tree
 //!
@@ -26,43 +39,103 @@
 //! - A primitive that lies in a plane goes to one side, the cheaper one.
 //! - The same input and options give the same bytes, whatever the number of threads.
 //! - Empty input gives one empty leaf. Zero-area primitives are kept, and end the recursion like any other.
-#![forbid(unsafe_code)]
 
+mod bins;
 mod cell;
 mod choose;
 mod driver;
 mod events;
 mod options;
 mod plane;
+mod prim;
+mod progress;
+mod small;
 mod tasks;
 
-use kd_core::{Aabb, MAX_TRIANGLES, PrimSource, Tree};
+use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
 
 pub use options::{BuildError, BuildOptions, Method};
+pub use progress::Watch;
 
-use cell::{Cell, Prim};
-use choose::{Exact, Median, Naive, Resort};
+use cell::Cell;
+use choose::{Binned, Exact, Hybrid, Median, Naive, Resort, Sampled, Sweep};
+use prim::{Around, Prim};
+use progress::Watched;
+use tasks::CHUNK;
 
 /// Builds a tree over `source`.
 ///
-/// Time and memory are those of the [`Method`]. [`Method::Exact`] takes O(N log N) time, and about 80 bytes per
-/// primitive or part of one that lies on the path being worked on; the bench records the peak, tree included, as
-/// `peak_build_bytes`.
+/// Time and memory are those of the [`Method`]. [`Method::Exact`] takes about O(N log N) time, and 32 bytes per
+/// primitive or part of one in cells that wait for their turn on the path being worked on, twice that in the cell
+/// being divided; the bench records the peak, tree included, as `peak_build_bytes`.
 ///
 /// # Errors
 ///
 /// [`BuildError`]: an option out of range, a primitive without a finite box, or a tree too large for its indices.
 /// A mesh and default options give none short of hundreds of millions of triangles.
 pub fn build<S: PrimSource>(source: &S, options: &BuildOptions) -> Result<Tree, BuildError> {
+    build_watched_by(source, options, &Watched::new(None))
+}
+
+/// [`build`] for long builds: `watch` is called up to 256 times on the way with the part that is done, and can end
+/// the build by breaking.
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// # use kd_core::Mesh;
+/// # use kd_sah::{BuildError, BuildOptions, build_watched};
+/// # let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+/// let options = BuildOptions::default();
+/// let tree = build_watched(&mesh, &options, &|done| {
+///     println!("{:.0} %", 100.0 * done);
+///     ControlFlow::Continue(())
+/// })?;
+///
+/// let cancelled = build_watched(&mesh, &options, &|_| ControlFlow::Break(()));
+/// assert_eq!(cancelled.err(), Some(BuildError::Cancelled));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+///
+/// Those of [`build`], and [`BuildError::Cancelled`] soon after `watch` has broken.
+pub fn build_watched<S: PrimSource>(
+    source: &S,
+    options: &BuildOptions,
+    watch: &Watch<'_>,
+) -> Result<Tree, BuildError> {
+    build_watched_by(source, options, &Watched::new(Some(watch)))
+}
+
+fn build_watched_by<S: PrimSource>(
+    source: &S,
+    options: &BuildOptions,
+    watched: &Watched<'_>,
+) -> Result<Tree, BuildError> {
     options.check()?;
-    let root = root_cell(source)?;
-    let bounds = root.bounds;
-    let model = &options.cost;
-    let output = tasks::with_threads(options.threads, || match options.method {
-        Method::Median => driver::build(source, options, &Median, root),
-        Method::Naive => driver::build(source, options, &Naive { model }, root),
-        Method::Resort => driver::build(source, options, &Resort { model }, root),
-        Method::Exact => driver::build(source, options, &Exact { model }, root),
+    let (output, bounds) = tasks::with_threads(options.threads, || {
+        let root = root_cell(source, options.threads != 1)?;
+        let bounds = root.bounds;
+        let output = match options.method {
+            Method::Median => driver::build(source, options, watched, &Median, root),
+            Method::Naive => driver::build(source, options, watched, &Naive, root),
+            Method::Resort => driver::build(source, options, watched, &Resort, root),
+            Method::Sweep => driver::build(source, options, watched, &Sweep, root),
+            Method::Exact => driver::build(source, options, watched, &Exact, root),
+            Method::Binned { bins } => {
+                let bins = bins.into();
+                driver::build(source, options, watched, &Binned { bins }, root)
+            }
+            Method::Sampled { all_axes } => {
+                driver::build(source, options, watched, &Sampled { all_axes }, root)
+            }
+            Method::Hybrid { bins, exact_below } => {
+                let above = Binned { bins: bins.into() };
+                let hybrid = Hybrid { above, exact_below };
+                driver::build(source, options, watched, &hybrid, root)
+            }
+        };
+        Ok::<_, BuildError>((output?, bounds))
     })??;
     Ok(Tree::from_parts(
         output.pairs,
@@ -74,23 +147,33 @@ pub fn build<S: PrimSource>(source: &S, options: &BuildOptions) -> Result<Tree, 
 }
 
 /// All primitives with their whole boxes.
-fn root_cell(source: &impl PrimSource) -> Result<Cell, BuildError> {
+fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<Cell, BuildError> {
     let primitives = source.count();
     if primitives as usize > MAX_TRIANGLES {
         return Err(BuildError::TooManyPrimitives { primitives });
     }
-    let mut root = Cell {
-        bounds: Aabb::EMPTY,
-        prims: Vec::with_capacity(primitives as usize),
-        depth: 0,
-    };
-    for slot in 0..primitives {
-        let bounds = source.bounds(slot);
-        if bounds.is_empty() || !(bounds.min.is_finite() && bounds.max.is_finite()) {
-            return Err(BuildError::NotFinite { primitive: slot });
+    let mut prims = vec![Prim::NONE; primitives as usize];
+    let chunks = (0..primitives).step_by(CHUNK).zip(prims.chunks_mut(CHUNK));
+    let around = tasks::map(chunks.collect(), parallel, |(first, chunk)| {
+        let mut around = Around::NOTHING;
+        for (slot, prim) in (first..).zip(chunk) {
+            let bounds = source.bounds(slot);
+            if bounds.is_empty() || !(bounds.min.is_finite() && bounds.max.is_finite()) {
+                return Err(BuildError::NotFinite { primitive: slot });
+            }
+            *prim = Prim::new(slot, &bounds);
+            around.add(prim);
         }
-        root.bounds = root.bounds.union(&bounds);
-        root.prims.push(Prim { slot, bounds });
+        Ok(around)
+    });
+    let mut all = Around::NOTHING;
+    for around in around {
+        all.join(&around?);
     }
-    Ok(root)
+    Ok(Cell {
+        bounds: all.bounds(),
+        tight: all.bounds(),
+        prims,
+        depth: 0,
+    })
 }

@@ -3,6 +3,8 @@
 use kd_core::{CostModel, MAX_DEPTH, TreeError};
 use thiserror::Error;
 
+use crate::bins::MOST_BINS;
+
 /// How to choose the plane that divides a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -15,9 +17,29 @@ pub enum Method {
     Naive,
     /// The plane of least SAH cost by a sweep over events sorted anew in each cell: O(N log² N). An oracle too.
     Resort,
-    /// The plane of least SAH cost by a sweep over events sorted once: O(N log N). Gives the same tree as
-    /// [`Naive`](Self::Naive) and [`Resort`](Self::Resort).
+    /// The plane of least SAH cost by a sweep over events sorted once: O(N log N). Gives the same tree, in more memory
+    /// than [`Exact`](Self::Exact): about 50 bytes more for each primitive.
+    Sweep,
+    /// The plane of least SAH cost, looked for only in those of up to 256 bins that may hold it. The fastest of the
+    /// exact ones; gives the same tree as [`Naive`](Self::Naive), [`Resort`](Self::Resort) and [`Sweep`](Self::Sweep).
     Exact,
+    /// The best boundary between `bins` bins an axis (2 to 256), adjusted to the geometry beside it.
+    Binned {
+        /// Bins along each axis.
+        bins: u16,
+    },
+    /// The least of a piecewise quadratic cost through 16 sampled planes an axis; exact for few primitives.
+    Sampled {
+        /// Samples all axes instead of only the longest.
+        all_axes: bool,
+    },
+    /// [`Binned`](Self::Binned) in cells with more than `exact_below` primitives, [`Exact`](Self::Exact) in others.
+    Hybrid {
+        /// Bins along each axis, 2 to 256.
+        bins: u16,
+        /// The most primitives of a cell that is divided exactly.
+        exact_below: u32,
+    },
 }
 
 /// Options of a build. Start from a preset ([`balanced`](Self::balanced) is the default) and change what you need.
@@ -34,6 +56,7 @@ pub struct BuildOptions {
     pub(crate) bad_refines: u32,
     pub(crate) retraction: bool,
     pub(crate) threads: usize,
+    pub(crate) median_levels: u32,
 }
 
 /// The depth that no builder exceeds, whatever the number of primitives.
@@ -64,6 +87,7 @@ impl BuildOptions {
             bad_refines: 1,
             retraction: true,
             threads: 0,
+            median_levels: 0,
         }
     }
 
@@ -141,6 +165,16 @@ impl BuildOptions {
         self
     }
 
+    /// Divides the first `levels` levels at the middle of each cell, whatever that costs, and the rest by the method.
+    ///
+    /// This is the simple way to give each thread a subtree of its own (Shi 2011 §3.1.3): a top of medians with as many
+    /// cells as there are threads. It is here to compare with; the tree is worse, and depends on the levels.
+    #[must_use]
+    pub const fn with_median_levels(mut self, levels: u32) -> Self {
+        self.median_levels = levels;
+        self
+    }
+
     pub(crate) fn check(&self) -> Result<(), BuildError> {
         let invalid = |name, rule| Err(BuildError::InvalidOption { name, rule });
         if let Some((name, rule)) = self.cost.problem() {
@@ -148,6 +182,11 @@ impl BuildOptions {
         }
         if self.max_depth.is_some_and(|d| d as usize > MAX_DEPTH) {
             return invalid("max_depth", "at most MAX_DEPTH (64)");
+        }
+        if let Method::Binned { bins } | Method::Hybrid { bins, .. } = self.method
+            && !(2..=MOST_BINS).contains(&usize::from(bins))
+        {
+            return invalid("bins", "from 2 to 256");
         }
         Ok(())
     }
@@ -199,6 +238,9 @@ pub enum BuildError {
     /// The tree outgrew the 30 bits of a node index; ask for fewer references.
     #[error("the tree is too large: {0}")]
     TooLarge(#[from] TreeError),
+    /// The build was watched, and the watch ended it.
+    #[error("the build was cancelled")]
+    Cancelled,
     /// The threads asked for could not be started.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {

@@ -10,7 +10,7 @@ pub(crate) struct Plane {
     /// Where primitives go that lie in the plane itself: never to both sides.
     pub(crate) planar_side: Side,
     /// Expected cost of the cell when divided here, for a ray that enters it.
-    pub(crate) cost: f64,
+    pub(crate) cost: f32,
 }
 
 /// One of the two sides of a plane.
@@ -24,7 +24,7 @@ impl Plane {
     /// The order in which planes are preferred: lower cost, then axis, then position, then planar primitives below.
     ///
     /// It is total, so the winner does not depend on the order in which candidates are looked at.
-    fn is_better(&self, other: &Self) -> bool {
+    pub(crate) fn is_better(&self, other: &Self) -> bool {
         let rank = |plane: &Self| (plane.axis, plane.position, plane.planar_side);
         self.cost < other.cost || (self.cost == other.cost && rank(self) < rank(other))
     }
@@ -41,27 +41,83 @@ pub(crate) struct Counts {
     pub(crate) upper: usize,
 }
 
-/// Looks for the best plane of one cell; every chooser offers its candidates here, so that they agree on cost and ties.
-pub(crate) struct BestPlane<'a> {
-    model: &'a CostModel,
-    sides: [Sides; 3],
-    best: Option<Plane>,
+/// The cost model, prepared for asking it about every candidate.
+///
+/// Costs of planes are f32, so that eight fit into a vector, and are computed by the same operations in the same order
+/// wherever that is done: all choosers agree to the bit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeafCost {
+    /// K_T.
+    pub(crate) traverse: f32,
+    /// What one block of `lanes` costs.
+    pub(crate) block: f32,
+    pub(crate) lanes: u32,
+    pub(crate) empty_bonus: f32,
+}
+
+impl LeafCost {
+    pub(crate) fn new(model: &CostModel) -> Self {
+        Self {
+            traverse: model.traverse,
+            block: model.intersect * model.lanes as f32,
+            lanes: model.lanes,
+            empty_bonus: model.empty_bonus,
+        }
+    }
+
+    /// Cost of a leaf.
+    #[inline]
+    pub(crate) fn of(&self, count: usize) -> f32 {
+        let lanes = self.lanes as usize;
+        // Asked for every candidate: spare the division where the processor has something better.
+        let blocks = if lanes.is_power_of_two() {
+            (count + lanes - 1) >> lanes.trailing_zeros()
+        } else {
+            count.div_ceil(lanes)
+        };
+        self.block * blocks as f32
+    }
+
+    /// Whether no plane with primitives on both sides can make the cell cheaper than a leaf of `count`, however it is
+    /// divided further: a node, and below it at least one ray's worth of the cheapest there is, cost as much.
+    ///
+    /// (A ray that enters the cell enters at least one of its parts; a part that is not empty costs at least a block,
+    /// or a node.)
+    #[inline]
+    pub(crate) fn is_settled(&self, count: usize) -> bool {
+        self.of(count) <= self.traverse + self.block.min(self.traverse)
+    }
+}
+
+/// What planes in one cell cost.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CellCost {
+    pub(crate) leaf: LeafCost,
+    pub(crate) axes: [AxisCost; 3],
 }
 
 /// The chances of entering either part of a cell, as linear functions of where it is cut along an axis.
-#[derive(Clone, Copy)]
-struct Sides {
-    min: f32,
-    max: f32,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AxisCost {
+    pub(crate) min: f32,
+    pub(crate) max: f32,
+    /// Turns a distance from `min` into a fraction of the cell. Infinite where f32 does not hold it; planes across
+    /// so thin a cell have no finite cost, and are not considered.
+    pub(crate) scale: f32,
     /// Chance of entering a part of no thickness: the area of the face cut out, over the half area of the cell.
-    face: f64,
-    /// What each unit of thickness adds: the sum of the two edges of that face, over the same.
-    per_length: f64,
+    pub(crate) face: f32,
+    /// What the whole thickness adds.
+    pub(crate) slope: f32,
 }
 
-impl Sides {
+impl AxisCost {
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "computed in f64 so that areas neither overflow nor vanish, then rounded"
+    )]
     fn of(cell: &Aabb, axis: Axis) -> Self {
         let extent = cell.max.as_dvec3() - cell.min.as_dvec3();
+        let along = extent[axis.index()];
         let (a, b) = (
             extent[axis.next().index()],
             extent[axis.next().next().index()],
@@ -70,81 +126,131 @@ impl Sides {
         Self {
             min: cell.min[axis.index()],
             max: cell.max[axis.index()],
-            face: a * b * inverse,
-            per_length: (a + b) * inverse,
+            scale: (1.0 / along) as f32,
+            face: (a * b * inverse) as f32,
+            slope: ((a + b) * along * inverse) as f32,
         }
     }
 
-    /// Chances of entering the lower and the upper part, for a ray that enters the cell.
+    /// Where a position lies: 0 at the lower face of the cell, 1 at the upper one. Never decreases along the axis.
     #[inline]
-    fn chances(&self, position: f32) -> (f64, f64) {
-        let position = f64::from(position);
-        (
-            self.face + self.per_length * (position - f64::from(self.min)),
-            self.face + self.per_length * (f64::from(self.max) - position),
-        )
+    pub(crate) fn fraction(&self, position: f32) -> f32 {
+        (position - self.min) * self.scale
+    }
+
+    /// Whether a plane there divides the cell at all.
+    #[inline]
+    pub(crate) fn is_inside(&self, position: f32) -> bool {
+        self.min < position && position < self.max
     }
 }
 
-impl<'a> BestPlane<'a> {
-    pub(crate) fn new(model: &'a CostModel, cell: &Aabb) -> Self {
+impl CellCost {
+    pub(crate) fn new(leaf: LeafCost, cell: &Aabb) -> Self {
         Self {
-            model,
-            sides: Axis::ALL.map(|axis| Sides::of(cell, axis)),
-            best: None,
+            leaf,
+            axes: Axis::ALL.map(|axis| AxisCost::of(cell, axis)),
         }
+    }
+
+    /// Cost after MacDonald and Booth as in Wald and Havran 2006, eq. 4: K_T plus each side's leaf cost times its half
+    /// area over the cell's, with a bonus where a side is empty. `lower` and `upper` are fractions of the cell that the
+    /// two parts take along the axis.
+    ///
+    /// Every operation is monotone, rounding included: less of either part, or fewer in it, never costs more. Bounds
+    /// of costs rely on that ([`exact`](crate::choose::Exact)).
+    #[inline]
+    pub(crate) fn of_parts(
+        &self,
+        axis: Axis,
+        (lower, lower_count): (f32, usize),
+        (upper, upper_count): (f32, usize),
+    ) -> f32 {
+        let AxisCost { face, slope, .. } = self.axes[axis.index()];
+        let cost = self.leaf.traverse
+            + (face + slope * lower) * self.leaf.of(lower_count)
+            + (face + slope * upper) * self.leaf.of(upper_count);
+        if lower_count == 0 || upper_count == 0 {
+            cost * self.leaf.empty_bonus
+        } else {
+            cost
+        }
+    }
+}
+
+/// Looks for the best plane of one cell; every chooser offers its candidates here, or does what is done here to many
+/// at once, so that they agree on cost and ties.
+#[derive(Clone, Copy)]
+pub(crate) struct BestPlane<'a> {
+    pub(crate) cost: &'a CellCost,
+    best: Option<Plane>,
+}
+
+impl<'a> BestPlane<'a> {
+    pub(crate) fn new(cost: &'a CellCost) -> Self {
+        Self { cost, best: None }
     }
 
     /// Considers a plane, with planar primitives on either side. Only planes strictly inside the cell divide it.
-    ///
-    /// Cost after MacDonald and Booth as in Wald and Havran 2006, eq. 4: K_T plus each side's leaf cost times its
-    /// half area over the cell's, with a bonus where a side is empty.
     #[inline]
     pub(crate) fn offer(&mut self, axis: Axis, position: f32, counts: Counts) {
-        let sides = self.sides[axis.index()];
-        if !(sides.min < position && position < sides.max) {
-            return;
-        }
-        let chances = sides.chances(position);
-        self.offer_side(axis, position, counts, Side::Lower, chances);
-        if counts.planar > 0 {
-            self.offer_side(axis, position, counts, Side::Upper, chances);
+        let (lower, planar, upper) = (counts.lower, counts.planar, counts.upper);
+        self.offer_side(axis, position, (lower + planar, upper), Side::Lower);
+        if planar > 0 {
+            self.offer_side(axis, position, (lower, planar + upper), Side::Upper);
         }
     }
 
+    /// Considers a plane with so many primitives below and above it, planar ones among those of their side.
     #[inline]
-    fn offer_side(
+    pub(crate) fn offer_side(
         &mut self,
         axis: Axis,
         position: f32,
-        counts: Counts,
+        (lower, upper): (usize, usize),
         planar_side: Side,
-        (chance_lower, chance_upper): (f64, f64),
     ) {
-        let (lower, upper) = match planar_side {
-            Side::Lower => (counts.lower + counts.planar, counts.upper),
-            Side::Upper => (counts.lower, counts.planar + counts.upper),
-        };
-        let mut cost = f64::from(self.model.traverse)
-            + chance_lower * self.model.leaf(lower)
-            + chance_upper * self.model.leaf(upper);
-        if lower == 0 || upper == 0 {
-            cost *= f64::from(self.model.empty_bonus);
+        let along = &self.cost.axes[axis.index()];
+        if !along.is_inside(position) {
+            return;
         }
+        let fraction = along.fraction(position);
+        let cost = self
+            .cost
+            .of_parts(axis, (fraction, lower), (1.0 - fraction, upper));
         let plane = Plane {
             axis,
             position,
             planar_side,
             cost,
         };
-        // A cell without area makes the cost NaN: no plane is better than none there.
-        if !cost.is_nan() && self.best.is_none_or(|best| plane.is_better(&best)) {
+        self.take(plane);
+    }
+
+    /// Considers a plane whose cost is known. One without a finite cost is worse than none: the cell has no area, or
+    /// is too thin for f32.
+    #[inline]
+    pub(crate) fn take(&mut self, plane: Plane) {
+        if plane.cost < f32::INFINITY && self.best.is_none_or(|best| plane.is_better(&best)) {
             self.best = Some(plane);
         }
     }
 
     pub(crate) fn found(self) -> Option<Plane> {
         self.best
+    }
+
+    /// The cost of the best so far; infinite if there is none.
+    pub(crate) fn least_cost(&self) -> f32 {
+        self.best.map_or(f32::INFINITY, |plane| plane.cost)
+    }
+}
+
+/// The planes that cut off what is empty: the faces of the box `tight` around all `count` primitives of the cell.
+pub(crate) fn offer_empty_cuts(best: &mut BestPlane<'_>, tight: &Aabb, count: usize) {
+    for axis in Axis::ALL {
+        best.offer_side(axis, tight.min[axis.index()], (0, count), Side::Upper);
+        best.offer_side(axis, tight.max[axis.index()], (count, 0), Side::Lower);
     }
 }
 
@@ -156,7 +262,8 @@ mod tests {
 
     fn best_of(offers: &[(Axis, f32, Counts)]) -> Option<Plane> {
         let cell = Aabb::around([Vec3::ZERO, Vec3::splat(4.0)]);
-        let mut best = BestPlane::new(&CostModel::CLASSIC, &cell);
+        let cost = CellCost::new(LeafCost::new(&CostModel::CLASSIC), &cell);
+        let mut best = BestPlane::new(&cost);
         for &(axis, position, counts) in offers {
             best.offer(axis, position, counts);
         }
@@ -214,12 +321,46 @@ mod tests {
             upper: 8,
         };
         let cut = best_of(&[(Axis::X, 2.0, none)]).expect("a plane");
-        let expected = (15.0 + 2.0 / 3.0 * 160.0) * f64::from(0.9_f32);
-        assert!((cut.cost - expected).abs() < 1e-9, "{cut:?}");
+        let expected = (15.0 + 2.0 / 3.0 * 160.0) * 0.9;
+        assert!((cut.cost - expected).abs() < 1e-4, "{cut:?}");
         assert_eq!(
             best_of(&[(Axis::X, 0.0, EVEN), (Axis::X, 4.0, EVEN)]),
             None,
             "faces of the cell"
+        );
+    }
+
+    #[test]
+    fn leaves_cost_what_the_model_says() {
+        for lanes in [1, 3, 8, 100] {
+            let model = CostModel {
+                lanes,
+                ..CostModel::CLASSIC
+            };
+            for count in [0, 1, 7, 8, 9, 300] {
+                let prepared = f64::from(LeafCost::new(&model).of(count));
+                assert_eq!(prepared, model.leaf(count), "{count} in {lanes} lanes");
+            }
+        }
+    }
+
+    #[test]
+    fn a_settled_cell_is_a_leaf_whatever_is_done() {
+        let packed = LeafCost::new(&CostModel {
+            traverse: 1.0,
+            intersect: 0.1,
+            lanes: 8,
+            empty_bonus: 0.8,
+        });
+        assert!(
+            packed.is_settled(16),
+            "two blocks are less than a node and a block"
+        );
+        assert!(!packed.is_settled(17), "three are not");
+        let classic = LeafCost::new(&CostModel::CLASSIC);
+        assert!(
+            classic.is_settled(1) && !classic.is_settled(2),
+            "20 and 40 against 15 + 15"
         );
     }
 }

@@ -1,20 +1,56 @@
-//! Two things at once, where threads are there.
+//! Several things at once, where threads are there. What comes out never depends on them.
 
 use crate::options::BuildError;
 
-/// Runs both, possibly at the same time.
+/// Primitives to a chunk of a cell that is worked on by several threads.
+pub(crate) const CHUNK: usize = 1 << 13;
+
+/// Runs both, possibly at the same time. The second is told whether another thread took it.
 #[cfg(feature = "parallel")]
 pub(crate) fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
-    b: impl FnOnce() -> B + Send,
+    b: impl FnOnce(bool) -> B + Send,
 ) -> (A, B) {
-    rayon::join(a, b)
+    rayon::join_context(|_| a(), |context| b(context.migrated()))
 }
 
 /// Runs one, then the other.
 #[cfg(not(feature = "parallel"))]
-pub(crate) fn join<A, B>(a: impl FnOnce() -> A, b: impl FnOnce() -> B) -> (A, B) {
-    (a(), b())
+pub(crate) fn join<A, B>(a: impl FnOnce() -> A, b: impl FnOnce(bool) -> B) -> (A, B) {
+    (a(), b(false))
+}
+
+/// What `work` makes of each item, in order.
+#[cfg(feature = "parallel")]
+pub(crate) fn map<T: Send, R: Send>(
+    items: Vec<T>,
+    parallel: bool,
+    work: impl Fn(T) -> R + Send + Sync,
+) -> Vec<R> {
+    use rayon::prelude::*;
+    if parallel && items.len() > 1 {
+        items.into_par_iter().with_max_len(1).map(work).collect()
+    } else {
+        items.into_iter().map(work).collect()
+    }
+}
+
+/// What `work` makes of each item, in order.
+#[cfg(not(feature = "parallel"))]
+pub(crate) fn map<T, R>(items: Vec<T>, _: bool, work: impl Fn(T) -> R) -> Vec<R> {
+    items.into_iter().map(work).collect()
+}
+
+/// How many threads there are in scope.
+#[cfg(feature = "parallel")]
+pub(crate) fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// How many threads there are in scope.
+#[cfg(not(feature = "parallel"))]
+pub(crate) fn threads() -> usize {
+    1
 }
 
 /// Runs `work` with so many threads; 0 means those in scope.
@@ -23,8 +59,12 @@ pub(crate) fn with_threads<R: Send>(
     threads: usize,
     work: impl FnOnce() -> R + Send,
 ) -> Result<R, BuildError> {
-    if threads <= 1 {
+    if threads == 1 {
         return Ok(work());
+    }
+    if threads == 0 {
+        // Moves the work into the pool, so that joining does not have to.
+        return Ok(rayon::scope(|_| work()));
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -6,7 +6,20 @@ use common::soup;
 use kd_core::{Aabb, Mesh, PrimSource, Tree};
 use kd_sah::{BuildError, BuildOptions, Method, build};
 
-const METHODS: [Method; 4] = [Method::Median, Method::Naive, Method::Resort, Method::Exact];
+const METHODS: [Method; 9] = [
+    Method::Median,
+    Method::Naive,
+    Method::Resort,
+    Method::Sweep,
+    Method::Exact,
+    Method::Binned { bins: 32 },
+    Method::Sampled { all_axes: false },
+    Method::Sampled { all_axes: true },
+    Method::Hybrid {
+        bins: 16,
+        exact_below: 32,
+    },
+];
 
 #[track_caller]
 fn built(mesh: &Mesh, method: Method) -> Tree {
@@ -47,7 +60,10 @@ fn one_triangle_of_any_kind() {
 #[test]
 fn a_million_identical_triangles_are_one_leaf() {
     let mesh = soup(&vec![TILTED; 1_000_000]);
-    for method in [Method::Resort, Method::Exact] {
+    let all_but_slow = METHODS
+        .into_iter()
+        .filter(|method| !matches!(method, Method::Median | Method::Naive));
+    for method in all_but_slow {
         let stats = build(&mesh, &BuildOptions::best().with_method(method))
             .expect("a tree")
             .stats();
@@ -78,7 +94,10 @@ const TILTED: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.2], [0.3, 1.0, 0.5]
 #[test]
 fn a_million_points_in_one_place_are_one_leaf() {
     let mesh = soup(&vec![[[1.0, 1.0, 1.0]; 3]; 1_000_000]);
-    for method in [Method::Median, Method::Resort, Method::Exact] {
+    for method in METHODS
+        .into_iter()
+        .filter(|&method| method != Method::Naive)
+    {
         let tree = build(&mesh, &BuildOptions::best().with_method(method)).expect("a tree");
         let stats = tree.stats();
         assert_eq!(

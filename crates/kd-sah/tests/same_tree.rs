@@ -28,6 +28,7 @@ fn check_same_tree(mesh: &Mesh, options: &BuildOptions) -> Tree {
     let by = |method| build(mesh, &options.clone().with_method(method)).expect("valid options");
     let naive = by(Method::Naive);
     assert_same(&naive, &by(Method::Resort), "naive and resort");
+    assert_same(&naive, &by(Method::Sweep), "naive and sweep");
     assert_same(&naive, &by(Method::Exact), "naive and exact");
     naive.check_coverage(mesh).expect("nothing is missing");
     naive
@@ -90,10 +91,23 @@ fn thread_counts_do_not_show() {
         mesh.len()
     );
     let half_as_many_again = BuildOptions::best().with_max_refs(3 * mesh.len() as u64 / 2);
+    let methods = [
+        Method::Median,
+        Method::Sweep,
+        Method::Binned { bins: 32 },
+        Method::Sampled { all_axes: false },
+        Method::Sampled { all_axes: true },
+        Method::Hybrid {
+            bins: 16,
+            exact_below: 100,
+        },
+    ]
+    .map(|method| BuildOptions::fast().with_method(method));
     for options in option_rows()
         .into_iter()
         .chain([half_as_many_again])
-        .chain([BuildOptions::fast().with_method(Method::Median)])
+        .chain(methods)
+        .chain([BuildOptions::fast().with_median_levels(3)])
     {
         let with =
             |threads| build(&mesh, &options.clone().with_threads(threads)).expect("valid options");
@@ -117,8 +131,14 @@ proptest! {
     }
 
     #[test]
-    fn the_median_builder_loses_nothing(mesh in common::mesh(60), small_leaf in 0_u32..4) {
-        let options = BuildOptions::balanced().with_method(Method::Median).with_small_leaf(small_leaf);
+    fn builders_that_guess_lose_nothing(mesh in common::mesh(150), small_leaf in 0_u32..4, method in 0_usize..4) {
+        let methods = [
+            Method::Median,
+            Method::Binned { bins: 7 },
+            Method::Sampled { all_axes: false },
+            Method::Hybrid { bins: 32, exact_below: 20 },
+        ];
+        let options = BuildOptions::balanced().with_method(methods[method]).with_small_leaf(small_leaf);
         let tree = build(&mesh, &options).expect("valid options");
         prop_assert_eq!(tree.check_coverage(&mesh), Ok(()));
     }

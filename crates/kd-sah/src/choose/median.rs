@@ -2,23 +2,19 @@
 
 use kd_core::Axis;
 
-use super::ChoosePlane;
-use crate::cell::{Cell, Division};
-use crate::plane::{Plane, Side};
+use super::Memoryless;
+use crate::cell::Cell;
+use crate::plane::{CellCost, Plane, Side};
 
 /// Axis = depth mod 3, position = middle. Unlike the slides, an axis on which the cell is flat is passed over, since
 /// a plane there would divide nothing.
 #[derive(Debug)]
 pub(crate) struct Median;
 
-impl ChoosePlane for Median {
+impl Memoryless for Median {
     const BY_COST: bool = false;
 
-    type Kept = ();
-
-    fn begin(&self, _: &Cell) {}
-
-    fn choose(&self, cell: &Cell, (): &()) -> Option<Plane> {
+    fn plane(&self, cell: &Cell, _: &CellCost, _: bool) -> Option<Plane> {
         let center = cell.bounds.center();
         let in_turn = (0..3).map(|step| Axis::ALL[(cell.depth as usize + step) % 3]);
         in_turn
@@ -33,9 +29,5 @@ impl ChoosePlane for Median {
                 planar_side: Side::Lower,
                 cost: 0.0,
             })
-    }
-
-    fn divide(&self, (): (), _: &Division) -> [(); 2] {
-        [(), ()]
     }
 }

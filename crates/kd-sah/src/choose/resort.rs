@@ -1,34 +1,24 @@
 //! SAH by a sweep over events sorted anew in every cell: O(N log² N) (slides; Wald and Havran 2006 §4.2).
 
-use kd_core::{Axis, CostModel};
+use kd_core::Axis;
 
-use super::ChoosePlane;
-use crate::cell::{Cell, Division};
+use super::Memoryless;
+use crate::cell::Cell;
 use crate::events::{events_of, sweep};
-use crate::plane::{BestPlane, Plane};
+use crate::plane::{BestPlane, CellCost, Plane};
 
-/// Keeps nothing from cell to cell: the oracle of the splicing in [`Exact`](super::Exact).
+/// Keeps nothing from cell to cell: the oracle of the splicing in [`Sweep`](super::Sweep).
 #[derive(Debug)]
-pub(crate) struct Resort<'a> {
-    pub(crate) model: &'a CostModel,
-}
+pub(crate) struct Resort;
 
-impl ChoosePlane for Resort<'_> {
-    type Kept = ();
-
-    fn begin(&self, _: &Cell) {}
-
-    fn choose(&self, cell: &Cell, (): &()) -> Option<Plane> {
-        let mut best = BestPlane::new(self.model, &cell.bounds);
+impl Memoryless for Resort {
+    fn plane(&self, cell: &Cell, cost: &CellCost, _: bool) -> Option<Plane> {
+        let mut best = BestPlane::new(cost);
         for axis in Axis::ALL {
             let mut events = events_of(&cell.prims, axis);
             events.sort_unstable();
-            sweep(&events, axis, cell.prims.len(), &mut best);
+            sweep(&events, axis, (0, cell.prims.len()), 1, &mut best);
         }
         best.found()
-    }
-
-    fn divide(&self, (): (), _: &Division) -> [(); 2] {
-        [(), ()]
     }
 }

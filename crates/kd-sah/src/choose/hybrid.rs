@@ -1,0 +1,22 @@
+//! One chooser for large cells, exact below.
+
+use super::{Exact, Memoryless};
+use crate::cell::Cell;
+use crate::plane::{CellCost, Plane};
+
+/// Chooses by `above` where there are more than `exact_below` primitives.
+#[derive(Debug)]
+pub(crate) struct Hybrid<C> {
+    pub(crate) above: C,
+    pub(crate) exact_below: u32,
+}
+
+impl<C: Memoryless> Memoryless for Hybrid<C> {
+    fn plane(&self, cell: &Cell, cost: &CellCost, parallel: bool) -> Option<Plane> {
+        if cell.prims.len() <= self.exact_below as usize {
+            Exact.plane(cell, cost, parallel)
+        } else {
+            self.above.plane(cell, cost, parallel)
+        }
+    }
+}

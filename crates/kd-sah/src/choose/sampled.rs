@@ -1,0 +1,194 @@
+//! SAH by adaptive sampling (Hunt, Mark, Stoll 2006, *Fast kd-tree construction with an adaptive error-bounded
+//! heuristic*; Eleftheriades 2010 §2.4.2.2).
+//!
+//! On an axis the primitives below and above are counted at eight planes at equal distances, then at eight more where
+//! the counts change fastest. Between neighbours both counts are taken to be linear, and so are the chances of entering
+//! either part, so the cost is a quadratic function on each piece; the plane goes where the least of them is least.
+
+use kd_core::Axis;
+
+use super::Memoryless;
+use crate::cell::Cell;
+use crate::plane::{BestPlane, CellCost, Plane, Side, offer_empty_cuts};
+use crate::prim::Prim;
+use crate::small::{self, SMALL};
+use crate::tasks::{self, CHUNK};
+
+/// Planes counted in one pass.
+const PLANES: usize = 8;
+
+/// Planes by sampling above [`SMALL`] primitives, exact ones below.
+#[derive(Debug)]
+pub(crate) struct Sampled {
+    /// Samples every axis instead of only the longest one of the cell.
+    pub(crate) all_axes: bool,
+}
+
+impl Memoryless for Sampled {
+    fn plane(&self, cell: &Cell, cost: &CellCost, parallel: bool) -> Option<Plane> {
+        if cell.prims.len() <= SMALL {
+            return small::best_plane(&cell.prims, cost);
+        }
+        let mut best = BestPlane::new(cost);
+        let extent = cell.tight.extent();
+        let longest = Axis::ALL.into_iter().reduce(|a, b| {
+            if extent[b.index()] > extent[a.index()] {
+                b
+            } else {
+                a
+            }
+        });
+        for axis in Axis::ALL {
+            if self.all_axes || Some(axis) == longest {
+                sample(cell, axis, parallel).offer_minima(axis, cell.prims.len(), cost, &mut best);
+            }
+        }
+        offer_empty_cuts(&mut best, &cell.tight, cell.prims.len());
+        best.found()
+    }
+}
+
+/// A plane and how many primitives reach below and above it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Counted {
+    position: f32,
+    lower: f32,
+    upper: f32,
+}
+
+/// Planes in order of position, both faces of the box around the primitives among them.
+struct Samples(Vec<Counted>);
+
+/// Counts at evenly spaced planes, then at those between which the counts change most.
+fn sample(cell: &Cell, axis: Axis, parallel: bool) -> Samples {
+    let (min, max) = (cell.tight.min[axis.index()], cell.tight.max[axis.index()]);
+    let all = cell.prims.len() as f32;
+    let face = |position, lower, upper| Counted {
+        position,
+        lower,
+        upper,
+    };
+    let ends = [face(min, 0.0, all), face(max, all, 0.0)];
+    let step = |number: usize| number as f32 / (PLANES + 1) as f32;
+    let evenly = std::array::from_fn(|i| min + (max - min) * step(i + 1));
+    let mut samples = Samples(ends.to_vec());
+    samples.add(count(cell, axis, evenly, parallel));
+    // lower - upper never decreases, from -all to all: planes at equal steps of it.
+    let adaptive =
+        std::array::from_fn(|i| samples.where_difference_is(all * (2.0 * step(i + 1) - 1.0)));
+    samples.add(count(cell, axis, adaptive, parallel));
+    samples
+}
+
+impl Samples {
+    fn add(&mut self, counted: [Counted; PLANES]) {
+        self.0.extend(counted);
+        self.0.sort_by(|a, b| a.position.total_cmp(&b.position));
+    }
+
+    /// Where lower - upper reaches a value, linear between samples.
+    fn where_difference_is(&self, value: f32) -> f32 {
+        let difference = |at: &Counted| at.lower - at.upper;
+        let last = self.0.partition_point(|at| difference(at) < value);
+        let (last, first) = (
+            self.0[last.min(self.0.len() - 1)],
+            self.0[last.saturating_sub(1)],
+        );
+        let rise = difference(&last) - difference(&first);
+        let part = if rise > 0.0 {
+            (value - difference(&first)) / rise
+        } else {
+            0.0
+        };
+        between(first.position, last.position, part)
+    }
+
+    /// Offers the plane of least cost on each piece; `all` is the number of primitives.
+    fn offer_minima(&self, axis: Axis, all: usize, cost: &CellCost, best: &mut BestPlane<'_>) {
+        for pair in self.0.windows(2) {
+            let piece = Piece {
+                first: pair[0],
+                last: pair[1],
+            };
+            let (position, lower, upper) = piece.minimum(axis, cost);
+            // A plane that everything straddles would be asked for again below it, and again.
+            if lower == all && upper == all {
+                continue;
+            }
+            best.offer_side(axis, position, (lower, upper), Side::Lower);
+        }
+    }
+}
+
+/// Between two neighbouring samples.
+struct Piece {
+    first: Counted,
+    last: Counted,
+}
+
+impl Piece {
+    /// Position and counts where the cost is least, for leaves that cost the same for each primitive.
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "counts of primitives, not negative"
+    )]
+    fn minimum(&self, axis: Axis, cost: &CellCost) -> (f32, usize, usize) {
+        let along = &cost.axes[axis.index()];
+        let (first, last) = (&self.first, &self.last);
+        // With s from 0 to 1 on the piece: chance (p + q s) times count (l + m s), and the same above the plane.
+        let (start, end) = (
+            along.fraction(first.position),
+            along.fraction(last.position),
+        );
+        let q = along.slope * (end - start);
+        let (p_lower, p_upper) = (
+            along.face + along.slope * start,
+            along.face + along.slope * (1.0 - start),
+        );
+        let (m_lower, m_upper) = (last.lower - first.lower, last.upper - first.upper);
+        let square = q * m_lower - q * m_upper;
+        let linear = p_lower * m_lower + q * first.lower + p_upper * m_upper - q * first.upper;
+        let at = |s: f32| square * s * s + linear * s;
+        let bottom = if square > 0.0 {
+            (-0.5 * linear / square).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let s = [bottom, 0.0, 1.0]
+            .into_iter()
+            .reduce(|best, s| if at(s) < at(best) { s } else { best })
+            .unwrap_or(0.0);
+        let lower = between(first.lower, last.lower, s).ceil() as usize;
+        let upper = between(first.upper, last.upper, s).ceil() as usize;
+        (between(first.position, last.position, s), lower, upper)
+    }
+}
+
+fn between(a: f32, b: f32, part: f32) -> f32 {
+    a + (b - a) * part
+}
+
+/// How many primitives reach below and above each of eight planes.
+fn count(cell: &Cell, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [Counted; PLANES] {
+    let chunks = tasks::map(
+        cell.prims.chunks(CHUNK).collect(),
+        parallel,
+        |chunk: &[Prim]| {
+            let (mut lower, mut upper) = ([0_u32; PLANES], [0_u32; PLANES]);
+            for prim in chunk {
+                let (start, end) = (prim.start(axis), prim.end(axis));
+                for i in 0..PLANES {
+                    lower[i] += u32::from(start < planes[i]);
+                    upper[i] += u32::from(end > planes[i]);
+                }
+            }
+            (lower, upper)
+        },
+    );
+    std::array::from_fn(|i| Counted {
+        position: planes[i],
+        lower: chunks.iter().map(|chunk| chunk.0[i]).sum::<u32>() as f32,
+        upper: chunks.iter().map(|chunk| chunk.1[i]).sum::<u32>() as f32,
+    })
+}

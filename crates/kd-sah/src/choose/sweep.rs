@@ -1,0 +1,194 @@
+//! SAH by a sweep over events sorted once: O(N log N) (Wald and Havran 2006 §4.3).
+
+use kd_core::Axis;
+
+use super::ChoosePlane;
+use crate::cell::{Cell, Place};
+use crate::events::{Event, events_of, push_events, sweep_in_chunks};
+use crate::plane::{BestPlane, CellCost, Plane};
+use crate::prim::Prim;
+use crate::tasks;
+
+/// Sorts the root's events, and from then on splices: events of primitives on one side stay in order, only those of
+/// primitives that the plane cut are made anew, sorted and merged in.
+#[derive(Debug)]
+pub(crate) struct Sweep;
+
+impl ChoosePlane for Sweep {
+    /// Sorted events of the cell, per axis.
+    type Kept = [Vec<Event>; 3];
+
+    fn begin(&self, root: &Cell) -> Self::Kept {
+        Axis::ALL.map(|axis| {
+            let mut events = events_of(&root.prims, axis);
+            events.sort_unstable();
+            events
+        })
+    }
+
+    fn choose(
+        &self,
+        cell: &Cell,
+        kept: &Self::Kept,
+        cost: &CellCost,
+        parallel: bool,
+    ) -> Option<Plane> {
+        let mut best = BestPlane::new(cost);
+        for axis in Axis::ALL {
+            let events = &kept[axis.index()];
+            sweep_in_chunks(events, axis, cell.prims.len(), &mut best, parallel);
+        }
+        best.found()
+    }
+
+    fn divide(
+        &self,
+        kept: Self::Kept,
+        cell: &Cell,
+        plane: &Plane,
+        parts: [&Cell; 2],
+        parallel: bool,
+    ) -> [Self::Kept; 2] {
+        let moves = Moves::of(cell, plane, parts);
+        let axes = Axis::ALL.into_iter().zip(kept).collect();
+        let mut lower = [const { Vec::new() }; 3];
+        let mut upper = [const { Vec::new() }; 3];
+        let divided = tasks::map(axes, parallel, |(axis, events)| {
+            (axis, moves.divide(axis, events, parts))
+        });
+        for (axis, [below, above]) in divided {
+            lower[axis.index()] = below;
+            upper[axis.index()] = above;
+        }
+        [lower, upper]
+    }
+}
+
+/// Where a primitive of a cell went when the cell was divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Moved {
+    /// Below the plane, under this number, as it was.
+    Lower(u32),
+    /// Above the plane, under this number, as it was.
+    Upper(u32),
+    /// The plane cut it, so that what is left of it has new boxes.
+    Cut,
+}
+
+/// Where all of them went.
+struct Moves {
+    moved: Vec<Moved>,
+    /// Numbers of primitives that were cut, in the lower and in the upper part.
+    cut: [Vec<u32>; 2],
+}
+
+impl Moves {
+    fn of(cell: &Cell, plane: &Plane, parts: [&Cell; 2]) -> Self {
+        let mut numbers = [0_u32; 2];
+        let mut cut = [const { Vec::new() }; 2];
+        let moved = cell.prims.iter().map(|prim| match Place::of(prim, plane) {
+            Place::Lower => {
+                numbers[0] += 1;
+                Moved::Lower(numbers[0] - 1)
+            }
+            Place::Upper => {
+                numbers[1] += 1;
+                Moved::Upper(numbers[1] - 1)
+            }
+            Place::Across => {
+                // Parts keep the order of the cell, but clipping may have left nothing on one side.
+                for ((number, cut), part) in numbers.iter_mut().zip(&mut cut).zip(parts) {
+                    let at = part.prims.get(*number as usize);
+                    if at.is_some_and(|at| at.slot() == prim.slot()) {
+                        cut.push(*number);
+                        *number += 1;
+                    }
+                }
+                Moved::Cut
+            }
+        });
+        let moved = moved.collect();
+        Self { moved, cut }
+    }
+
+    /// Events of both parts on one axis.
+    fn divide(&self, axis: Axis, events: Vec<Event>, parts: [&Cell; 2]) -> [Vec<Event>; 2] {
+        let (kept_lower, kept_upper) = self.split(&events, parts);
+        drop(events);
+        let [new_lower, new_upper] = [0, 1].map(|side: usize| {
+            let prims = &parts[side].prims;
+            made_anew(prims, &self.cut[side], axis)
+        });
+        [merge(kept_lower, &new_lower), merge(kept_upper, &new_upper)]
+    }
+
+    /// The events of primitives that went to one side, renumbered. Numbers keep their order, so events do.
+    fn split(&self, events: &[Event], parts: [&Cell; 2]) -> (Vec<Event>, Vec<Event>) {
+        let [mut lower, mut upper] = parts.map(|part| Vec::with_capacity(2 * part.prims.len()));
+        for event in events {
+            match self.moved[event.prim() as usize] {
+                Moved::Lower(prim) => lower.push(event.renumbered(prim)),
+                Moved::Upper(prim) => upper.push(event.renumbered(prim)),
+                Moved::Cut => {}
+            }
+        }
+        (lower, upper)
+    }
+}
+
+/// The events of primitives that were cut, sorted. Only about √N of N are (Wald and Havran 2006 §4.3).
+fn made_anew(prims: &[Prim], cut: &[u32], axis: Axis) -> Vec<Event> {
+    let mut events = Vec::with_capacity(2 * cut.len());
+    for &prim in cut {
+        push_events(&mut events, axis, prim, &prims[prim as usize]);
+    }
+    events.sort_unstable();
+    events
+}
+
+/// Merges two sorted lists, from the back, within the first one's memory.
+fn merge(mut kept: Vec<Event>, new: &[Event]) -> Vec<Event> {
+    let mut from_kept = kept.len();
+    let mut from_new = new.len();
+    kept.extend_from_slice(new);
+    while from_new > 0 {
+        let to = from_kept + from_new - 1;
+        if from_kept > 0 && kept[from_kept - 1] > new[from_new - 1] {
+            from_kept -= 1;
+            kept[to] = kept[from_kept];
+        } else {
+            from_new -= 1;
+            kept[to] = new[from_new];
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::Aabb;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn merging_is_sorting(a: Vec<(i8, bool)>, b: Vec<(i8, bool)>) {
+            let events = |list: &[(i8, bool)]| {
+                let mut events = Vec::new();
+                for (number, (at, flat)) in (0_u32..).zip(list) {
+                    let min = Vec3::splat(f32::from(*at));
+                    let max = if *flat { min } else { min + 1.0 };
+                    push_events(&mut events, Axis::X, number, &Prim::new(0, &Aabb { min, max }));
+                }
+                events.sort_unstable();
+                events
+            };
+            let (kept, new) = (events(&a), events(&b));
+            let mut all = [kept.clone(), new.clone()].concat();
+            all.sort_unstable();
+            prop_assert_eq!(merge(kept, &new), all);
+        }
+    }
+}

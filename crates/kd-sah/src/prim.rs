@@ -1,0 +1,126 @@
+//! A primitive as builders move it around: 32 bytes, two vectors.
+
+use glam::Vec4;
+use kd_core::{Aabb, Axis};
+
+/// A primitive, or the part of one that lies in a cell: the box around it, and which one it is.
+///
+/// The fourth component of `low` carries the number, so that one primitive is two aligned vectors and never straddles
+/// a cache line. The fourth component of `high` is not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Prim {
+    low: Vec4,
+    high: Vec4,
+}
+
+const _: () = assert!(size_of::<Prim>() == 32, "two primitives to a cache line");
+
+/// Set in the number's bits, so that as a float it is never denormal: arithmetic on whole vectors would slow down.
+const NOT_DENORMAL: u32 = 1 << 30;
+
+impl Prim {
+    /// To fill memory with before it is written.
+    pub(crate) const NONE: Self = Self {
+        low: Vec4::ZERO,
+        high: Vec4::ZERO,
+    };
+
+    pub(crate) fn new(slot: u32, bounds: &Aabb) -> Self {
+        let number = f32::from_bits(slot | NOT_DENORMAL);
+        Self {
+            low: bounds.min.extend(number),
+            high: bounds.max.extend(0.0),
+        }
+    }
+
+    /// Which one: its number in the source.
+    #[inline]
+    pub(crate) fn slot(&self) -> u32 {
+        self.low.w.to_bits() & !NOT_DENORMAL
+    }
+
+    /// Where it starts along an axis.
+    #[inline]
+    pub(crate) fn start(&self, axis: Axis) -> f32 {
+        self.low[axis.index()]
+    }
+
+    /// Where it ends along an axis.
+    #[inline]
+    pub(crate) fn end(&self, axis: Axis) -> f32 {
+        self.high[axis.index()]
+    }
+
+    /// The box around the part.
+    #[inline]
+    pub(crate) fn bounds(&self) -> Aabb {
+        Aabb {
+            min: self.low.truncate(),
+            max: self.high.truncate(),
+        }
+    }
+
+    /// All starts, with something in the fourth component.
+    #[inline]
+    pub(crate) fn low(&self) -> Vec4 {
+        self.low
+    }
+
+    /// All ends, with something in the fourth component.
+    #[inline]
+    pub(crate) fn high(&self) -> Vec4 {
+        self.high
+    }
+}
+
+/// The box around primitives, while it grows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Around {
+    low: Vec4,
+    high: Vec4,
+}
+
+impl Around {
+    pub(crate) const NOTHING: Self = Self {
+        low: Vec4::INFINITY,
+        high: Vec4::NEG_INFINITY,
+    };
+
+    #[inline]
+    pub(crate) fn add(&mut self, prim: &Prim) {
+        self.low = self.low.min(prim.low);
+        self.high = self.high.max(prim.high);
+    }
+
+    #[inline]
+    pub(crate) fn join(&mut self, other: &Self) {
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
+    }
+
+    /// [`Aabb::EMPTY`] if nothing was added.
+    pub(crate) fn bounds(&self) -> Aabb {
+        Aabb {
+            min: self.low.truncate(),
+            max: self.high.truncate(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn numbers_of_30_bits_survive() {
+        let bounds = Aabb::around([Vec3::NEG_ONE, Vec3::ONE]);
+        for slot in [0, 1, 12_345, 0x3f80_0000, (1 << 30) - 1] {
+            let prim = Prim::new(slot, &bounds);
+            assert_eq!((prim.slot(), prim.bounds()), (slot, bounds), "{slot}");
+            let copy = prim;
+            assert_eq!(copy.slot(), slot, "moved, even where it looks like NaN");
+        }
+    }
+}
