@@ -1,6 +1,6 @@
 //! The part of a triangle inside a box: what makes a split *perfect*.
 
-use glam::{DVec3, Vec3};
+use glam::{BVec3, DVec3, Vec3};
 
 use crate::{Aabb, Axis};
 
@@ -11,9 +11,11 @@ use crate::{Aabb, Axis};
 /// touches the cell counts as inside. Constant time.
 pub fn clipped_bounds(corners: [Vec3; 3], cell: &Aabb) -> Option<Aabb> {
     let mut around = Around::NOTHING;
-    for point in Polygon::clipped(corners, cell).points() {
-        around.add(*point);
-    }
+    Clip::new(corners, cell).with(|points| {
+        for point in points {
+            around.add(*point);
+        }
+    });
     around.rounded_outwards(cell)
 }
 
@@ -25,23 +27,24 @@ pub fn clipped_halves(
     axis: Axis,
     position: f32,
 ) -> [Option<Aabb>; 2] {
-    let polygon = Polygon::clipped(corners, cell);
-    let (along, plane) = (axis.index(), f64::from(position));
     let (mut lower, mut upper) = (Around::NOTHING, Around::NOTHING);
-    for (from, to) in polygon.edges() {
-        if to[along] <= plane {
-            lower.add(to);
+    let (along, plane) = (axis.index(), f64::from(position));
+    Clip::new(corners, cell).with(|points| {
+        for (from, to) in edges(points) {
+            let (before, after) = (from[along], to[along]);
+            if after <= plane {
+                lower.add(to);
+            }
+            if after >= plane {
+                upper.add(to);
+            }
+            if (before < plane && plane < after) || (after < plane && plane < before) {
+                let point = crossing(from, to, along, plane);
+                lower.add(point);
+                upper.add(point);
+            }
         }
-        if to[along] >= plane {
-            upper.add(to);
-        }
-        if (from[along] < plane && plane < to[along]) || (to[along] < plane && plane < from[along])
-        {
-            let point = crossing(from, to, along, plane);
-            lower.add(point);
-            upper.add(point);
-        }
-    }
+    });
     let (lower_cell, upper_cell) = cell.split(axis, position);
     [
         lower.rounded_outwards(&lower_cell),
@@ -49,75 +52,104 @@ pub fn clipped_halves(
     ]
 }
 
+/// A triangle on its way to its part in a cell.
+struct Clip<'a> {
+    triangle: [DVec3; 3],
+    cell: &'a Aabb,
+    /// The sides that it reaches across.
+    below: BVec3,
+    above: BVec3,
+}
+
+impl<'a> Clip<'a> {
+    #[inline]
+    fn new([a, b, c]: [Vec3; 3], cell: &'a Aabb) -> Self {
+        Self {
+            triangle: [a, b, c].map(|corner| corner.as_dvec3()),
+            cell,
+            below: a.min(b).min(c).cmplt(cell.min),
+            above: a.max(b).max(c).cmpgt(cell.max),
+        }
+    }
+
+    /// Hands on the corners of the part, in order. Most triangles that a plane cuts are whole until then.
+    #[inline]
+    fn with(&self, use_points: impl FnOnce(&[DVec3])) {
+        if self.below.any() || self.above.any() {
+            use_points(self.clipped().points());
+        } else {
+            use_points(&self.triangle);
+        }
+    }
+
+    /// Sutherland and Hodgman's clipping, against the sides that are crossed.
+    fn clipped(&self) -> Polygon {
+        let mut polygon = Polygon::NOTHING;
+        for corner in self.triangle {
+            polygon.push(corner);
+        }
+        for axis in 0..3 {
+            if self.below.test(axis) {
+                polygon = polygon.inside(axis, f64::from(self.cell.min[axis]), 1.0);
+            }
+            if self.above.test(axis) {
+                polygon = polygon.inside(axis, f64::from(self.cell.max[axis]), -1.0);
+            }
+        }
+        polygon
+    }
+}
+
 /// A triangle cut by six planes has at most nine corners.
 const MOST_CORNERS: usize = 9;
 
-/// A convex polygon, corners in order. Empty is nothing.
-#[derive(Clone, Copy)]
+/// A convex polygon, corners in order.
 struct Polygon {
     corners: [DVec3; MOST_CORNERS],
     count: usize,
 }
 
 impl Polygon {
-    /// The part of a triangle in a cell, by Sutherland and Hodgman's clipping against the sides that it crosses.
-    #[inline]
-    fn clipped(corners: [Vec3; 3], cell: &Aabb) -> Self {
-        let mut polygon = Self {
-            corners: [DVec3::ZERO; MOST_CORNERS],
-            count: 3,
-        };
-        for (to, from) in polygon.corners.iter_mut().zip(corners) {
-            *to = from.as_dvec3();
-        }
-        let [a, b, c] = corners;
-        let (below, above) = (
-            a.min(b).min(c).cmplt(cell.min),
-            a.max(b).max(c).cmpgt(cell.max),
-        );
-        for axis in 0..3 {
-            if below.test(axis) {
-                polygon.keep_inside(axis, f64::from(cell.min[axis]), 1.0);
-            }
-            if above.test(axis) {
-                polygon.keep_inside(axis, f64::from(cell.max[axis]), -1.0);
-            }
-        }
-        polygon
-    }
+    const NOTHING: Self = Self {
+        corners: [DVec3::ZERO; MOST_CORNERS],
+        count: 0,
+    };
 
     fn points(&self) -> &[DVec3] {
         &self.corners[..self.count]
     }
 
-    /// Each corner with the one before it.
-    fn edges(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
-        let points = self.points();
-        let before = points.iter().cycle().skip(self.count.saturating_sub(1));
-        before.copied().zip(points.iter().copied())
-    }
-
-    /// Keeps what lies on the side of the plane that `sign` points to, the plane included.
-    fn keep_inside(&mut self, axis: usize, plane: f64, sign: f64) {
+    /// What lies on the side of the plane that `sign` points to, the plane included.
+    fn inside(&self, axis: usize, plane: f64, sign: f64) -> Self {
         let is_outside = |p: DVec3| (p[axis] - plane) * sign < 0.0;
-        let whole = *self;
-        self.count = 0;
-        for (from, to) in whole.edges() {
+        let mut kept = Self::NOTHING;
+        for (from, to) in edges(self.points()) {
             if is_outside(from) != is_outside(to) {
-                self.push(crossing(from, to, axis, plane));
+                kept.push(crossing(from, to, axis, plane));
             }
             if !is_outside(to) {
-                self.push(to);
+                kept.push(to);
             }
         }
+        kept
     }
 
     /// Rounding can make a polygon cross a plane more than twice, if only within an ulp; then it may have a corner too
     /// many, which is as good as the last one.
+    #[inline]
     fn push(&mut self, point: DVec3) {
         self.count = (self.count + 1).min(MOST_CORNERS);
         self.corners[self.count - 1] = point;
     }
+}
+
+/// Each corner, with the one before it first.
+#[inline]
+fn edges(points: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
+    let last = points.last().copied().unwrap_or(DVec3::ZERO);
+    points.iter().scan(last, |before, &point| {
+        Some((std::mem::replace(before, point), point))
+    })
 }
 
 /// Where an edge crosses a plane. The same edge seen from its two ends gives the same point: it starts at the lower
@@ -163,17 +195,21 @@ impl Around {
 }
 
 /// The largest f32 not above `x`.
+///
+/// Whether rounding went up is as good as random, so there is no branch on it: one step towards negative infinity, or
+/// none, taken in the bits. Rounding keeps the sign, so that a zero that is above `x` is -0.0, and one step from it
+/// leads to the next negative number.
+#[inline]
 #[allow(
     clippy::cast_possible_truncation,
-    reason = "rounding is the point, and the next line mends its direction"
+    reason = "rounding is the point, and the step mends its direction"
 )]
 fn round_down(x: f64) -> f32 {
     let nearest = x as f32;
-    if f64::from(nearest) > x {
-        nearest.next_down()
-    } else {
-        nearest
-    }
+    let steps = i32::from(f64::from(nearest) > x);
+    let bits = nearest.to_bits().cast_signed();
+    let downwards = (bits >> 31) | 1;
+    f32::from_bits((bits - steps * downwards).cast_unsigned())
 }
 
 /// The smallest f32 not below `x`.
@@ -189,6 +225,33 @@ mod tests {
 
     fn point(range: f32) -> impl Strategy<Value = Vec3> {
         [-range..range, -range..range, -range..range].prop_map(Vec3::from_array)
+    }
+
+    #[test]
+    fn rounding_goes_one_way_only() {
+        let tiny = f64::from(f32::from_bits(1));
+        for x in [
+            0.0,
+            -0.0,
+            1.0,
+            0.1,
+            -0.1,
+            1e-60,
+            -1e-60,
+            0.6 * tiny,
+            -0.6 * tiny,
+            1e39,
+            -1e39,
+            f64::from(f32::MAX) * 1.000_000_01,
+        ] {
+            let (down, up) = (round_down(x), round_up(x));
+            assert!(
+                f64::from(down) <= x && x <= f64::from(up),
+                "{x}: {down} {up}"
+            );
+            let is_tight = down == up || down.next_up() == up;
+            assert!(is_tight, "{x}: {down} {up}");
+        }
     }
 
     #[test]

@@ -58,30 +58,43 @@ impl Grid {
         [at.x, at.y, at.z].map(low_byte)
     }
 
-    /// Where a bin starts and ends, as fractions of a cell that holds the box: no position in the bin lies outside,
-    /// but they may be a little too far apart.
-    pub(crate) fn fractions(&self, along: &AxisCost, axis: Axis, bin: usize) -> (f32, f32) {
-        // The number of a bin errs by a few units in the last place of its position, 2⁻²² of the box, and the fraction
-        // by no more.
-        const MARGIN: f32 = 1.0 / (1 << 20) as f32;
+    /// Where the bins of an axis start and end, as fractions of a cell that holds the box.
+    pub(crate) fn edges(&self, along: &AxisCost, axis: Axis) -> Edges {
         let scale = self.scale[axis.index()];
         if scale == 0.0 {
-            return (0.0, 1.0);
+            return Edges {
+                first: 0.0,
+                step: 1.0,
+            };
         }
-        let edge = |bin: usize| {
-            along.fraction(self.origin[axis.index()]) + bin as f32 / scale * along.scale
-        };
-        let (start, end) = (edge(bin) - MARGIN, edge(bin + 1) + MARGIN);
-        (start.clamp(0.0, 1.0), end.clamp(0.0, 1.0))
+        Edges {
+            first: along.fraction(self.origin[axis.index()]),
+            step: along.scale / scale,
+        }
+    }
+}
+
+/// Faces of bins along an axis, as fractions of a cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edges {
+    first: f32,
+    step: f32,
+}
+
+impl Edges {
+    /// The lower face of a bin.
+    #[inline]
+    pub(crate) fn at(&self, bin: usize) -> f32 {
+        self.first + bin as f32 * self.step
     }
 
-    /// A plane between two bins: in the box, at the start of `bin` up to rounding.
-    pub(crate) fn boundary(&self, axis: Axis, bin: usize) -> f32 {
-        self.origin[axis.index()] + bin as f32 / self.scale[axis.index()]
-    }
-
-    pub(crate) fn bins(&self) -> usize {
-        self.bins
+    /// An interval that no position in the bin lies outside of: faces are a few units in the last place of the box
+    /// off, 2⁻²² of it, and fractions by no more.
+    #[inline]
+    pub(crate) fn around(&self, bin: usize) -> (f32, f32) {
+        const MARGIN: f32 = 1.0 / (1 << 20) as f32;
+        let (start, end) = (self.at(bin) - MARGIN, self.at(bin + 1) + MARGIN);
+        (start.max(0.0), end.min(1.0))
     }
 }
 
@@ -94,68 +107,81 @@ fn low_byte(x: f32) -> u8 {
     x.to_bits() as u8
 }
 
-/// The counts.
-#[derive(Clone, Debug)]
-pub(crate) struct Bins {
-    pub(crate) starts: [[u32; MOST_BINS]; 3],
-    pub(crate) ends: [[u32; MOST_BINS]; 3],
+/// How many primitives start, and how many end, in one bin of each axis.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Bin {
+    pub(crate) starts: [u32; 3],
+    pub(crate) ends: [u32; 3],
 }
 
-impl Bins {
-    const EMPTY: Self = Self {
-        starts: [[0; MOST_BINS]; 3],
-        ends: [[0; MOST_BINS]; 3],
-    };
+/// The counts.
+#[derive(Clone, Debug)]
+pub(crate) struct Bins(Vec<Bin>);
 
+impl Bins {
     /// Counts each `step`th primitive.
     fn of(prims: &[Prim], grid: &Grid, step: usize) -> Self {
-        let mut bins = Self::EMPTY;
-        let Self { starts, ends } = &mut bins;
+        let mut bins = vec![Bin::default(); grid.bins];
         for prim in prims.iter().step_by(step) {
             let [x, y, z] = grid.bins_of(prim.low());
-            starts[0][usize::from(x)] += 1;
-            starts[1][usize::from(y)] += 1;
-            starts[2][usize::from(z)] += 1;
+            bins[usize::from(x)].starts[0] += 1;
+            bins[usize::from(y)].starts[1] += 1;
+            bins[usize::from(z)].starts[2] += 1;
             let [x, y, z] = grid.bins_of(prim.high());
-            ends[0][usize::from(x)] += 1;
-            ends[1][usize::from(y)] += 1;
-            ends[2][usize::from(z)] += 1;
+            bins[usize::from(x)].ends[0] += 1;
+            bins[usize::from(y)].ends[1] += 1;
+            bins[usize::from(z)].ends[2] += 1;
         }
-        bins
+        Self(bins)
     }
 
     /// Of all chunks together (Push).
     pub(crate) fn sum(chunks: &[Self]) -> Cow<'_, Self> {
-        match chunks {
-            [one] => Cow::Borrowed(one),
-            _ => Cow::Owned(chunks.iter().fold(Self::EMPTY, |mut sum, chunk| {
-                sum.add(chunk);
-                sum
-            })),
+        let Some((first, others)) = chunks.split_first() else {
+            return Cow::Owned(Self(Vec::new()));
+        };
+        let mut sum = Cow::Borrowed(first);
+        for other in others {
+            for (own, other) in sum.to_mut().0.iter_mut().zip(&other.0) {
+                for axis in 0..3 {
+                    own.starts[axis] += other.starts[axis];
+                    own.ends[axis] += other.ends[axis];
+                }
+            }
         }
+        sum
+    }
+
+    /// How many primitives start and end in each bin of an axis.
+    #[inline]
+    pub(crate) fn along(
+        &self,
+        axis: Axis,
+    ) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
+        let axis = axis.index();
+        let counts = move |bin: &Bin| (bin.starts[axis] as usize, bin.ends[axis] as usize);
+        self.0.iter().map(counts)
+    }
+
+    /// How many primitives start in a bin, and how many end there.
+    #[inline]
+    pub(crate) fn at(&self, axis: Axis, bin: usize) -> (usize, usize) {
+        let axis = axis.index();
+        (
+            self.0[bin].starts[axis] as usize,
+            self.0[bin].ends[axis] as usize,
+        )
     }
 
     /// How many primitives were counted: each starts once.
     pub(crate) fn counted(&self) -> usize {
-        self.starts[0].iter().map(|&count| count as usize).sum()
-    }
-
-    fn add(&mut self, other: &Self) {
-        let pairs = [
-            (&mut self.starts, &other.starts),
-            (&mut self.ends, &other.ends),
-        ];
-        for (own, other) in pairs {
-            for (own, other) in own.as_flattened_mut().iter_mut().zip(other.as_flattened()) {
-                *own += other;
-            }
-        }
+        self.along(Axis::X).map(|(starts, _)| starts).sum()
     }
 }
 
 /// The counts of every `step`th primitive of a cell, in chunks, so that several threads can count (PreScan of Choi et
 /// al. 2010).
-pub(crate) fn count(cell: &Cell, grid: &Grid, step: usize, parallel: bool) -> Vec<Bins> {
+pub(crate) fn count(cell: Cell<'_>, grid: &Grid, step: usize, parallel: bool) -> Vec<Bins> {
     tasks::map(
         cell.prims.chunks(CHUNK).collect(),
         parallel,

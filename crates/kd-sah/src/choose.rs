@@ -30,13 +30,13 @@ pub(crate) trait ChoosePlane: Sync {
     type Kept: Send;
 
     /// What to keep for the root.
-    fn begin(&self, root: &Cell) -> Self::Kept;
+    fn begin(&self, root: Cell<'_>) -> Self::Kept;
 
     /// The plane for a cell of at least one primitive; `None` if nothing divides it. `cost` is that of planes in this
     /// cell. Several threads may be used if `parallel`; the plane must not depend on it.
     fn choose(
         &self,
-        cell: &Cell,
+        cell: Cell<'_>,
         kept: &Self::Kept,
         cost: &CellCost,
         parallel: bool,
@@ -46,9 +46,9 @@ pub(crate) trait ChoosePlane: Sync {
     fn divide(
         &self,
         kept: Self::Kept,
-        cell: &Cell,
+        cell: Cell<'_>,
         plane: &Plane,
-        parts: [&Cell; 2],
+        parts: [Cell<'_>; 2],
         parallel: bool,
     ) -> [Self::Kept; 2];
 }
@@ -59,7 +59,7 @@ pub(crate) trait Memoryless: Sync {
     const BY_COST: bool = true;
 
     /// See [`ChoosePlane::choose`].
-    fn plane(&self, cell: &Cell, cost: &CellCost, parallel: bool) -> Option<Plane>;
+    fn plane(&self, cell: Cell<'_>, cost: &CellCost, parallel: bool) -> Option<Plane>;
 }
 
 impl<C: Memoryless> ChoosePlane for C {
@@ -67,13 +67,13 @@ impl<C: Memoryless> ChoosePlane for C {
 
     type Kept = ();
 
-    fn begin(&self, _: &Cell) {}
+    fn begin(&self, _: Cell<'_>) {}
 
-    fn choose(&self, cell: &Cell, (): &(), cost: &CellCost, parallel: bool) -> Option<Plane> {
+    fn choose(&self, cell: Cell<'_>, (): &(), cost: &CellCost, parallel: bool) -> Option<Plane> {
         self.plane(cell, cost, parallel)
     }
 
-    fn divide(&self, (): (), _: &Cell, _: &Plane, _: [&Cell; 2], _: bool) -> [(); 2] {
+    fn divide(&self, (): (), _: Cell<'_>, _: &Plane, _: [Cell<'_>; 2], _: bool) -> [(); 2] {
         [(), ()]
     }
 }

@@ -2,11 +2,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use kd_core::{CostModel, Node, NodeIndex, Pair, PrimSource, Slot, TreeError};
+use kd_core::{CostModel, Node, Pair, PrimSource, Slot};
 
-use crate::cell::Cell;
+use crate::cell::{Cell, Counted, Division, Place};
 use crate::choose::{ChoosePlane, Median, Memoryless as _};
 use crate::options::{BuildError, BuildOptions};
+use crate::output::{Built, Interior, Output};
 use crate::plane::{BestPlane, CellCost, LeafCost, Plane, offer_empty_cuts};
 use crate::prim::Prim;
 use crate::progress::{Share, Watched};
@@ -15,18 +16,60 @@ use crate::tasks;
 /// Cells with fewer primitives are built within one task.
 const TASK_PRIMS: usize = 1024;
 
-/// Nodes below some root, indices counting from 0, in depth-first order: a pair, all below its lower node, all below
-/// its upper node. The order does not depend on which thread built what.
-#[derive(Debug, Default)]
-pub(crate) struct Output {
-    pub(crate) pairs: Vec<Pair>,
-    pub(crate) refs: Vec<Slot>,
+/// Builds the tree over all primitives of `source`. The root is the first node of the first pair.
+pub(crate) fn build<S: PrimSource, C: ChoosePlane>(
+    source: &S,
+    options: &BuildOptions,
+    watched: &Watched<'_>,
+    chooser: &C,
+    (place, prims): (Place, Vec<Prim>),
+) -> Result<Output, BuildError> {
+    let driver = Driver {
+        source,
+        chooser,
+        options,
+        watched,
+        model: &options.cost,
+        leaf_cost: LeafCost::new(&options.cost),
+        max_depth: options.depth_limit(prims.len()),
+        parallel: options.threads != 1 && tasks::threads() > 1,
+    };
+    let root = Part {
+        kept: chooser.begin(Cell {
+            place: &place,
+            prims: &prims,
+        }),
+        place,
+        allowance: Allowance {
+            bad_refines: options.bad_refines,
+            refs: options.refs_limit(prims.len()),
+            share: Share::ALL,
+        },
+    };
+    let mut worker = Worker::default();
+    worker.output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
+    let built = driver.grow_large(root, prims, &mut worker)?;
+    worker.output.pairs[0].0[0] = built.node;
+    Ok(worker.output)
 }
 
-/// A finished node, not yet put in its place, and its expected cost for a ray that enters it.
-struct Built {
-    node: Node,
-    cost: f64,
+/// What building on one thread needs.
+#[derive(Debug, Default)]
+struct Worker {
+    output: Output,
+    /// Primitives of small cells that wait for their turn: the next one's last. Depth first, so that there is never
+    /// more than a path's worth of siblings.
+    pending: Vec<Prim>,
+    /// Primitives of the small cell that was just divided.
+    scratch: Vec<Prim>,
+}
+
+/// A cell to be built, but for its primitives.
+struct Part<K> {
+    place: Place,
+    /// What the chooser keeps for it.
+    kept: K,
+    allowance: Allowance,
 }
 
 /// What a cell inherits on its way down.
@@ -38,37 +81,6 @@ struct Allowance {
     refs: u64,
     /// Its part of the whole work.
     share: Share,
-}
-
-/// Builds the tree over all primitives of `source`. The root is the first node of the first pair.
-pub(crate) fn build<S: PrimSource, C: ChoosePlane>(
-    source: &S,
-    options: &BuildOptions,
-    watched: &Watched<'_>,
-    chooser: &C,
-    root: Cell,
-) -> Result<Output, BuildError> {
-    let driver = Driver {
-        source,
-        chooser,
-        options,
-        watched,
-        model: &options.cost,
-        leaf_cost: LeafCost::new(&options.cost),
-        max_depth: options.depth_limit(root.prims.len()),
-        parallel: options.threads != 1 && tasks::threads() > 1,
-    };
-    let allowance = Allowance {
-        bad_refines: options.bad_refines,
-        refs: options.refs_limit(root.prims.len()),
-        share: Share::ALL,
-    };
-    let kept = chooser.begin(&root);
-    let mut output = Output::default();
-    output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
-    let built = driver.grow(root, kept, allowance, &mut output)?;
-    output.pairs[0].0[0] = built.node;
-    Ok(output)
 }
 
 struct Driver<'a, S, C> {
@@ -83,107 +95,153 @@ struct Driver<'a, S, C> {
 }
 
 impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
-    /// Builds the subtree of a cell; what lies below its root goes to `output`.
-    fn grow(
+    /// Builds the subtree of a cell with a list of its own; what lies below its root goes to the output.
+    fn grow_large(
         &self,
-        cell: Cell,
-        kept: C::Kept,
-        mut allowance: Allowance,
-        output: &mut Output,
+        mut part: Part<C::Kept>,
+        prims: Vec<Prim>,
+        worker: &mut Worker,
     ) -> Result<Built, BuildError> {
-        let count = cell.prims.len();
-        let Some(plane) = self.plane(&cell, &kept, &mut allowance) else {
-            return self.leaf(&cell.prims, allowance.share, output);
-        };
-        let (lower, upper) = cell.divide(self.source, &plane, self.parallel);
-        let counts = [lower.prims.len(), upper.prims.len()];
-        let Some([lower_refs, upper_refs]) = share_refs(allowance.refs, counts) else {
-            return self.leaf(&cell.prims, allowance.share, output);
-        };
-        let parts = [&lower, &upper];
-        let [lower_kept, upper_kept] =
-            self.chooser
-                .divide(kept, &cell, &plane, parts, self.parallel);
-        let half_area = cell.bounds.half_area();
-        drop(cell);
-        let chance_lower = lower.bounds.half_area() / half_area;
-        let chance_upper = upper.bounds.half_area() / half_area;
-
-        let mark = (output.pairs.len(), output.refs.len());
-        output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
-        let [lower_share, upper_share] = allowance.share.divide(counts);
-        let inherit = |refs, share| Allowance {
-            refs,
-            share,
-            ..allowance
-        };
-        let lower = (lower, lower_kept, inherit(lower_refs, lower_share));
-        let upper = (upper, upper_kept, inherit(upper_refs, upper_share));
-        let (lower, upper) = if self.parallel && count >= TASK_PRIMS {
-            self.grow_both(lower, upper, output)?
-        } else {
-            let lower = self.grow(lower.0, lower.1, lower.2, output)?;
-            (lower, self.grow(upper.0, upper.1, upper.2, output)?)
-        };
-
-        let cost =
-            f64::from(self.model.traverse) + chance_lower * lower.cost + chance_upper * upper.cost;
-        if C::BY_COST && self.options.retraction && cost >= self.model.leaf(count) {
-            return self.retract(mark, output);
+        let count = prims.len();
+        if count < TASK_PRIMS {
+            let first = worker.pending.len();
+            worker.pending.extend_from_slice(&prims);
+            drop(prims);
+            return self.grow_small(part, first, worker);
         }
-        output.pairs[mark.0] = Pair([lower.node, upper.node]);
-        let node = u32::try_from(2 * mark.0)
-            .ok()
-            .and_then(|first| Node::interior(plane.axis, plane.position, NodeIndex(first)))
-            .ok_or_else(|| output.too_large())?;
-        Ok(Built { node, cost })
+        let place = part.place;
+        let cell = Cell {
+            place: &place,
+            prims: &prims,
+        };
+        let divided = self.plane(cell, &mut part).and_then(|plane| {
+            let counts = Counted::in_chunks(&prims, &plane, self.parallel);
+            let allowances = part.allowance.divide(counts.0)?;
+            Some((plane, counts, allowances))
+        });
+        let Some((plane, counts, allowances)) = divided else {
+            return self.leaf(&prims, part.allowance.share, &mut worker.output);
+        };
+        let [(lower, lower_prims), (upper, upper_prims)] =
+            self.division(&place, &plane)
+                .in_chunks(&prims, &counts, self.parallel);
+        let parts = [(&lower, &lower_prims), (&upper, &upper_prims)]
+            .map(|(place, prims)| Cell { place, prims });
+        let kept = self
+            .chooser
+            .divide(part.kept, cell, &plane, parts, self.parallel);
+        drop(prims);
+        let places = [lower, upper];
+        let interior = Interior::begin(&place, &places, &mut worker.output);
+        let [lower, upper] = Part::both(places, kept, allowances);
+        let children = if self.parallel {
+            self.grow_both((lower, lower_prims), (upper, upper_prims), worker)?
+        } else {
+            let lower = self.grow_large(lower, lower_prims, worker)?;
+            [lower, self.grow_large(upper, upper_prims, worker)?]
+        };
+        self.finish(&interior, &plane, count, &children, &mut worker.output)
+    }
+
+    /// Builds the subtree of a cell whose primitives are the pending ones from `first` on, and takes them away.
+    fn grow_small(
+        &self,
+        mut part: Part<C::Kept>,
+        first: usize,
+        worker: &mut Worker,
+    ) -> Result<Built, BuildError> {
+        let place = part.place;
+        let prims = &worker.pending[first..];
+        let count = prims.len();
+        let cell = Cell {
+            place: &place,
+            prims,
+        };
+        let divided = self.plane(cell, &mut part).and_then(|plane| {
+            let counted = Counted::of(prims, &plane);
+            let allowances = part.allowance.divide(counted)?;
+            Some((plane, counted, allowances))
+        });
+        let Some((plane, counted, allowances)) = divided else {
+            let built = self.leaf(prims, part.allowance.share, &mut worker.output);
+            worker.pending.truncate(first);
+            return built;
+        };
+        let (pending, scratch) = (&mut worker.pending, &mut worker.scratch);
+        let (places, middle) = self
+            .division(&place, &plane)
+            .in_place(pending, first, counted, scratch);
+        let cell = Cell {
+            place: &place,
+            prims: scratch,
+        };
+        let lists = [&pending[middle..], &pending[first..middle]];
+        let parts = [0, 1].map(|side: usize| Cell {
+            place: &places[side],
+            prims: lists[side],
+        });
+        let kept = self
+            .chooser
+            .divide(part.kept, cell, &plane, parts, self.parallel);
+        let interior = Interior::begin(&place, &places, &mut worker.output);
+        let [lower, upper] = Part::both(places, kept, allowances);
+        let lower = self.grow_small(lower, middle, worker)?;
+        let children = [lower, self.grow_small(upper, first, worker)?];
+        self.finish(&interior, &plane, count, &children, &mut worker.output)
     }
 
     /// The plane to divide a cell by; `None` if it should be a leaf.
-    fn plane(&self, cell: &Cell, kept: &C::Kept, allowance: &mut Allowance) -> Option<Plane> {
-        let count = cell.prims.len();
-        if count == 0 || count <= self.options.small_leaf as usize || cell.depth >= self.max_depth {
+    fn plane(&self, cell: Cell<'_>, part: &mut Part<C::Kept>) -> Option<Plane> {
+        let (count, place) = (cell.prims.len(), cell.place);
+        let small_leaf = self.options.small_leaf as usize;
+        if count == 0 || count <= small_leaf || place.depth >= self.max_depth {
             return None;
         }
-        let cost = CellCost::new(self.leaf_cost, &cell.bounds);
+        let cost = CellCost::new(self.leaf_cost, &place.bounds);
+        let choose = || self.chooser.choose(cell, &part.kept, &cost, self.parallel);
         if !C::BY_COST {
-            return self.chooser.choose(cell, kept, &cost, self.parallel);
+            return choose();
         }
-        if cell.depth < self.options.median_levels {
+        if place.depth < self.options.median_levels {
             return Median.plane(cell, &cost, self.parallel);
         }
         let leaf_cost = self.leaf_cost.of(count);
         if self.leaf_cost.is_settled(count) {
             let mut best = BestPlane::new(&cost);
-            offer_empty_cuts(&mut best, &cell.tight, count);
+            offer_empty_cuts(&mut best, &place.tight, count);
             return best.found().filter(|plane| plane.cost < leaf_cost);
         }
-        let plane = self.chooser.choose(cell, kept, &cost, self.parallel)?;
+        let plane = choose()?;
         if plane.cost >= leaf_cost {
-            if allowance.bad_refines == 0 {
+            if part.allowance.bad_refines == 0 {
                 return None;
             }
-            allowance.bad_refines -= 1;
+            part.allowance.bad_refines -= 1;
         }
         Some(plane)
+    }
+
+    fn division<'b>(&'b self, place: &'b Place, plane: &'b Plane) -> Division<'b, S> {
+        Division {
+            source: self.source,
+            place,
+            plane,
+        }
     }
 
     /// Builds the subtrees of both parts of a large cell, possibly at the same time.
     fn grow_both(
         &self,
-        lower: (Cell, C::Kept, Allowance),
-        upper: (Cell, C::Kept, Allowance),
-        output: &mut Output,
-    ) -> Result<(Built, Built), BuildError> {
+        lower: (Part<C::Kept>, Vec<Prim>),
+        upper: (Part<C::Kept>, Vec<Prim>),
+        worker: &mut Worker,
+    ) -> Result<[Built; 2], BuildError> {
         // Locked by the lower part until it is finished. If no other thread has taken the upper part by then, it goes
         // straight behind the lower one; only what is built at the same time has to be moved there.
-        let shared = Mutex::new(std::mem::take(output));
-        let grow = |part: (Cell, C::Kept, Allowance), output: &mut Output| {
-            self.grow(part.0, part.1, part.2, output)
-        };
-        let grow_here = |part| {
-            let mut output = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            grow(part, &mut output)
+        let shared = Mutex::new(std::mem::take(worker));
+        let grow_here = |(part, prims)| {
+            let mut worker = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            self.grow_large(part, prims, &mut worker)
         };
         let (lower, upper) = tasks::join(
             || grow_here(lower),
@@ -191,99 +249,69 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
                 if !taken {
                     return Ok::<_, BuildError>((grow_here(upper)?, None));
                 }
-                let mut beside = Output::default();
-                Ok((grow(upper, &mut beside)?, Some(beside)))
+                let mut beside = Worker::default();
+                let built = self.grow_large(upper.0, upper.1, &mut beside)?;
+                Ok((built, Some(beside.output)))
             },
         );
-        *output = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        *worker = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
         let (lower, (upper, beside)) = (lower?, upper?);
         let upper = match beside {
-            Some(beside) => output.append(&beside, upper)?,
+            Some(beside) => worker.output.append(&beside, upper)?,
             None => upper,
         };
-        Ok((lower, upper))
+        Ok([lower, upper])
+    }
+
+    /// Puts an interior node over two finished subtrees, or a leaf in place of all of it if that costs no more.
+    fn finish(
+        &self,
+        interior: &Interior,
+        plane: &Plane,
+        count: usize,
+        children: &[Built; 2],
+        output: &mut Output,
+    ) -> Result<Built, BuildError> {
+        let cost = f64::from(self.model.traverse) + interior.cost_below(children);
+        if C::BY_COST && self.options.retraction && cost >= self.model.leaf(count) {
+            return output.retract(interior, self.model);
+        }
+        output.finish(interior, plane, children, cost)
     }
 
     fn leaf(&self, prims: &[Prim], share: Share, output: &mut Output) -> Result<Built, BuildError> {
         self.watched.done(share)?;
-        let first = output.refs.len();
-        output
-            .refs
-            .extend(prims.iter().map(|prim| Slot(prim.slot())));
-        self.leaf_from(first, output)
+        let refs = prims.iter().map(|prim| Slot(prim.slot()));
+        output.leaf(refs, self.model)
     }
+}
 
-    /// Takes back a subtree that costs no less than a leaf: its references, once each, become that leaf.
-    fn retract(
-        &self,
-        (pairs, refs): (usize, usize),
-        output: &mut Output,
-    ) -> Result<Built, BuildError> {
-        output.pairs.truncate(pairs);
-        output.refs[refs..].sort_unstable();
-        let mut kept = refs;
-        for at in refs..output.refs.len() {
-            if at == refs || output.refs[at] != output.refs[kept - 1] {
-                output.refs[kept] = output.refs[at];
-                kept += 1;
-            }
-        }
-        output.refs.truncate(kept);
-        self.leaf_from(refs, output)
-    }
-
-    /// The leaf over all references from `first` on.
-    fn leaf_from(&self, first: usize, output: &Output) -> Result<Built, BuildError> {
-        let count = output.refs.len() - first;
-        // Empty leaves are all the same, wherever they stand.
-        let first = if count == 0 { 0 } else { first };
-        let node = match (u32::try_from(first), u32::try_from(count)) {
-            (Ok(first), Ok(count)) => Node::leaf(first, count),
-            _ => None,
-        };
-        Ok(Built {
-            node: node.ok_or_else(|| output.too_large())?,
-            cost: self.model.leaf(count),
+impl<K> Part<K> {
+    fn both(places: [Place; 2], kept: [K; 2], allowances: [Allowance; 2]) -> [Self; 2] {
+        let ([lower, upper], [lower_kept, upper_kept]) = (places, kept);
+        [
+            (lower, lower_kept, allowances[0]),
+            (upper, upper_kept, allowances[1]),
+        ]
+        .map(|(place, kept, allowance)| Self {
+            place,
+            kept,
+            allowance,
         })
     }
 }
 
-impl Output {
-    /// Appends what another task built, and gives its root as seen from here.
-    fn append(&mut self, other: &Self, root: Built) -> Result<Built, BuildError> {
-        let too_large = self.too_large();
-        let (Ok(nodes), Ok(refs)) = (
-            u32::try_from(2 * self.pairs.len()),
-            u32::try_from(self.refs.len()),
-        ) else {
-            return Err(too_large);
-        };
-        // An empty leaf has nothing to point to, and stays equal to every other.
-        let relocated = |node: Node| {
-            if node == Node::EMPTY_LEAF {
-                Some(node)
-            } else {
-                node.relocated(nodes, refs)
-            }
-        };
-        for pair in &other.pairs {
-            let [Some(lower), Some(upper)] = pair.0.map(relocated) else {
-                return Err(too_large);
-            };
-            self.pairs.push(Pair([lower, upper]));
-        }
-        self.refs.extend_from_slice(&other.refs);
-        Ok(Built {
-            node: relocated(root.node).ok_or(too_large)?,
-            ..root
-        })
-    }
-
-    fn too_large(&self) -> BuildError {
-        BuildError::TooLarge(TreeError::TooLarge {
-            nodes: 2 * self.pairs.len(),
-            refs: self.refs.len(),
-        })
+impl Allowance {
+    /// What both parts inherit; `None` if there are not even references enough for what they hold.
+    fn divide(&self, counted: Counted) -> Option<[Self; 2]> {
+        let counts = [counted.lower, counted.upper];
+        let refs = share_refs(self.refs, counts)?;
+        let shares = self.share.divide(counts);
+        Some([0, 1].map(|side: usize| Self {
+            refs: refs[side],
+            share: shares[side],
+            ..*self
+        }))
     }
 }
 

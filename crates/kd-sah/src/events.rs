@@ -46,6 +46,7 @@ impl Event {
         Self::new(position, PLANAR, 0)
     }
 
+    #[inline]
     fn new(position: f32, kind: u64, prim: u32) -> Self {
         Self(u64::from(ordered(position)) << 32 | kind << KIND_SHIFT | u64::from(prim))
     }
@@ -76,13 +77,12 @@ impl Event {
 }
 
 /// An integer that orders like the float. -0.0 and 0.0 are one position, so they become one integer.
+#[inline]
 fn ordered(x: f32) -> u32 {
     let bits = (x + 0.0).to_bits();
-    if bits >> 31 == 1 {
-        !bits
-    } else {
-        bits | 1 << 31
-    }
+    // All bits of a negative number are turned over, and the first one of a positive number.
+    let turned = (bits.cast_signed() >> 31).cast_unsigned() | 1 << 31;
+    bits ^ turned
 }
 
 fn unordered(key: u32) -> f32 {

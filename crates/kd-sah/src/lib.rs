@@ -46,9 +46,11 @@ mod choose;
 mod driver;
 mod events;
 mod options;
+mod output;
 mod plane;
 mod prim;
 mod progress;
+mod promising;
 mod small;
 mod tasks;
 
@@ -57,7 +59,7 @@ use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
 pub use options::{BuildError, BuildOptions, Method};
 pub use progress::Watch;
 
-use cell::Cell;
+use cell::Place;
 use choose::{Binned, Exact, Hybrid, Median, Naive, Resort, Sampled, Sweep};
 use prim::{Around, Prim};
 use progress::Watched;
@@ -115,7 +117,7 @@ fn build_watched_by<S: PrimSource>(
     options.check()?;
     let (output, bounds) = tasks::with_threads(options.threads, || {
         let root = root_cell(source, options.threads != 1)?;
-        let bounds = root.bounds;
+        let bounds = root.0.bounds;
         let output = match options.method {
             Method::Median => driver::build(source, options, watched, &Median, root),
             Method::Naive => driver::build(source, options, watched, &Naive, root),
@@ -147,7 +149,7 @@ fn build_watched_by<S: PrimSource>(
 }
 
 /// All primitives with their whole boxes.
-fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<Cell, BuildError> {
+fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<(Place, Vec<Prim>), BuildError> {
     let primitives = source.count();
     if primitives as usize > MAX_TRIANGLES {
         return Err(BuildError::TooManyPrimitives { primitives });
@@ -170,10 +172,10 @@ fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<Cell, BuildErro
     for around in around {
         all.join(&around?);
     }
-    Ok(Cell {
+    let place = Place {
         bounds: all.bounds(),
         tight: all.bounds(),
-        prims,
         depth: 0,
-    })
+    };
+    Ok((place, prims))
 }

@@ -53,6 +53,8 @@ pub(crate) struct LeafCost {
     pub(crate) block: f32,
     pub(crate) lanes: u32,
     pub(crate) empty_bonus: f32,
+    /// log₂ of `lanes`, if it is whole: whoever asks for every candidate is spared a division.
+    shift: Option<u32>,
 }
 
 impl LeafCost {
@@ -62,6 +64,10 @@ impl LeafCost {
             block: model.intersect * model.lanes as f32,
             lanes: model.lanes,
             empty_bonus: model.empty_bonus,
+            shift: model
+                .lanes
+                .is_power_of_two()
+                .then(|| model.lanes.trailing_zeros()),
         }
     }
 
@@ -69,11 +75,9 @@ impl LeafCost {
     #[inline]
     pub(crate) fn of(&self, count: usize) -> f32 {
         let lanes = self.lanes as usize;
-        // Asked for every candidate: spare the division where the processor has something better.
-        let blocks = if lanes.is_power_of_two() {
-            (count + lanes - 1) >> lanes.trailing_zeros()
-        } else {
-            count.div_ceil(lanes)
+        let blocks = match self.shift {
+            Some(shift) => (count + lanes - 1) >> shift,
+            None => count.div_ceil(lanes),
         };
         self.block * blocks as f32
     }

@@ -86,6 +86,14 @@ impl Around {
         high: Vec4::NEG_INFINITY,
     };
 
+    pub(crate) fn all(prims: &[Prim]) -> Self {
+        let mut around = Self::NOTHING;
+        for prim in prims {
+            around.add(prim);
+        }
+        around
+    }
+
     #[inline]
     pub(crate) fn add(&mut self, prim: &Prim) {
         self.low = self.low.min(prim.low);

@@ -1,24 +1,27 @@
-//! The plane of least SAH cost for a cell of few primitives: every candidate counted against every primitive, eight
+//! The plane of least SAH cost for a cell of few primitives: every candidate counted against every primitive, many
 //! candidates at a time.
 //!
 //! This is the naive method, and for few primitives the fastest: no sorting, no branches that depend on the data. The
-//! same body is compiled twice, for whatever the target has and for AVX2, and the processor decides at run time which
-//! one runs. Only comparisons, integers and single operations on f32 are in it, nothing that a wider instruction would
-//! round differently, so both give the same plane.
+//! body is compiled twice, for whatever the target has and for AVX2 ([`avx2`]), and the processor decides at run time
+//! which one runs. Only comparisons, integers and single operations on f32 are in it, nothing that a wider instruction
+//! would round differently, so both give the same plane.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 
 use kd_core::Axis;
 
-use crate::plane::{BestPlane, CellCost, Plane, Side};
+use crate::plane::{AxisCost, BestPlane, CellCost, Plane, Side};
 use crate::prim::Prim;
 
 /// A cell with more primitives is none of ours.
 pub(crate) const SMALL: usize = 64;
 
 /// Candidates looked at together.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
-/// Two for each primitive.
-const CANDIDATES: usize = 2 * SMALL;
+/// One number for each of them.
+type Lanes<T> = [T; LANES];
 
 /// The best plane at any start or end of a primitive; `None` if nothing divides the cell.
 ///
@@ -27,60 +30,88 @@ const CANDIDATES: usize = 2 * SMALL;
 /// If there are more than [`SMALL`] primitives.
 pub(crate) fn best_plane(prims: &[Prim], cost: &CellCost) -> Option<Plane> {
     #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        return avx2::best_plane(prims, cost);
+    if let Some(avx2) = avx2::Avx2::detect() {
+        return avx2.best_plane(prims, cost);
     }
-    portable(prims, cost)
+    best_plane_by(Portable, prims, cost)
 }
 
-#[cfg(target_arch = "x86_64")]
-#[allow(
-    unsafe_code,
-    reason = "code for a processor's extension may only be called where it is there"
-)]
-mod avx2 {
-    use super::{CellCost, Plane, Prim, portable};
+/// A way to count.
+trait Count: Copy {
+    /// Of each candidate, how many primitives start below it, and how many end above it.
+    fn below_and_above(
+        self,
+        candidates: &Lanes<f32>,
+        starts: &[f32],
+        ends: &[f32],
+    ) -> (Lanes<u32>, Lanes<u32>);
+}
 
-    pub(super) fn best_plane(prims: &[Prim], cost: &CellCost) -> Option<Plane> {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(prims: &[Prim], cost: &CellCost) -> Option<Plane> {
-            portable(prims, cost)
+/// Whatever the target has.
+#[derive(Clone, Copy)]
+struct Portable;
+
+impl Count for Portable {
+    #[inline(always)]
+    fn below_and_above(
+        self,
+        candidates: &Lanes<f32>,
+        starts: &[f32],
+        ends: &[f32],
+    ) -> (Lanes<u32>, Lanes<u32>) {
+        let (mut below, mut above) = ([0; LANES], [0; LANES]);
+        for (&start, &end) in starts.iter().zip(ends) {
+            for (lane, &candidate) in candidates.iter().enumerate() {
+                below[lane] += u32::from(start < candidate);
+                above[lane] += u32::from(end > candidate);
+            }
         }
-        assert!(is_x86_feature_detected!("avx2"), "asked before");
-        // SAFETY: the processor has AVX2, as the line above makes sure.
-        unsafe { with_avx2(prims, cost) }
+        (below, above)
     }
 }
+
+/// Starts or ends on each axis.
+type Columns = [[f32; SMALL]; 3];
 
 #[inline(always)]
-fn portable(prims: &[Prim], cost: &CellCost) -> Option<Plane> {
-    let count = prims.len();
-    assert!(count <= SMALL, "{count} are too many");
-    let mut best = BestPlane::new(cost);
-    let judge = Judge::new(cost);
-    for axis in Axis::ALL {
-        let mut starts = [0.0; SMALL];
-        let mut ends = [0.0; SMALL];
-        let mut has_planar = false;
-        for (i, prim) in prims.iter().enumerate() {
-            // -0.0 and 0.0 are one plane, named 0.0.
-            starts[i] = prim.start(axis) + 0.0;
-            ends[i] = prim.end(axis) + 0.0;
-            has_planar |= starts[i] == ends[i];
+fn best_plane_by(count: impl Count, prims: &[Prim], cost: &CellCost) -> Option<Plane> {
+    let number = prims.len();
+    assert!(number <= SMALL, "{number} are too many");
+    let (mut starts, mut ends): (Columns, Columns) = ([[0.0; SMALL]; 3], [[0.0; SMALL]; 3]);
+    let mut planar = glam::BVec4A::FALSE;
+    for (i, prim) in prims.iter().enumerate() {
+        // -0.0 and 0.0 are one plane, named 0.0.
+        let (low, high) = (
+            prim.low() + glam::Vec4::ZERO,
+            prim.high() + glam::Vec4::ZERO,
+        );
+        planar |= low.cmpeq(high);
+        for axis in 0..3 {
+            starts[axis][i] = low[axis];
+            ends[axis][i] = high[axis];
         }
-        let (starts, ends) = (&starts[..count], &ends[..count]);
-        if has_planar {
-            judge.offer_all::<true>(axis, starts, ends, &mut best);
+    }
+    let mut best = BestPlane::new(cost);
+    for axis in Axis::ALL {
+        let (starts, ends) = (
+            &starts[axis.index()][..number],
+            &ends[axis.index()][..number],
+        );
+        let judge = Judge::new(cost, axis);
+        if planar.test(axis.index()) {
+            judge.offer_all::<true>(count, starts, ends, &mut best);
         } else {
-            judge.offer_all::<false>(axis, starts, ends, &mut best);
+            judge.offer_all::<false>(count, starts, ends, &mut best);
         }
     }
     best.found()
 }
 
-/// [`CellCost`] for eight planes at once.
+/// [`CellCost`] for many planes across one axis.
 struct Judge<'a> {
     cost: &'a CellCost,
+    axis: Axis,
+    along: AxisCost,
     /// Lanes of the model, or as many as make no difference.
     lanes: u32,
     /// 2¹⁶ over `lanes`, rounded up: multiplying by it and shifting divides such small counts exactly.
@@ -88,11 +119,14 @@ struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    #[allow(clippy::cast_possible_truncation, reason = "a constant of two digits")]
-    fn new(cost: &'a CellCost) -> Self {
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation, reason = "two digits")]
+    fn new(cost: &'a CellCost, axis: Axis) -> Self {
         let lanes = cost.leaf.lanes.min(SMALL as u32);
         Self {
             cost,
+            axis,
+            along: cost.axes[axis.index()],
             lanes,
             reciprocal: (1_u32 << 16).div_ceil(lanes),
         }
@@ -105,98 +139,157 @@ impl<'a> Judge<'a> {
         self.cost.leaf.block * blocks.cast_signed() as f32
     }
 
-    /// [`CellCost::of_parts`].
+    /// What [`BestPlane::offer_side`] takes a plane to cost; infinite if it divides nothing.
     #[inline(always)]
-    fn of_parts(&self, axis: Axis, fraction: f32, (lower, upper): (u32, u32)) -> f32 {
-        let along = &self.cost.axes[axis.index()];
+    fn plane(&self, position: f32, lower: u32, upper: u32) -> f32 {
+        let along = &self.along;
+        let fraction = along.fraction(position);
         let cost = self.cost.leaf.traverse
             + (along.face + along.slope * fraction) * self.leaf(lower)
             + (along.face + along.slope * (1.0 - fraction)) * self.leaf(upper);
-        if (lower == 0) | (upper == 0) {
-            cost * self.cost.leaf.empty_bonus
+        let bonus = if (lower == 0) | (upper == 0) {
+            self.cost.leaf.empty_bonus
         } else {
-            cost
+            1.0
+        };
+        if (along.min < position) & (position < along.max) {
+            cost * bonus
+        } else {
+            f32::INFINITY
         }
     }
 
     #[inline(always)]
     fn offer_all<const PLANAR: bool>(
         &self,
-        axis: Axis,
+        count: impl Count,
         starts: &[f32],
         ends: &[f32],
         best: &mut BestPlane<'_>,
     ) {
-        let along = &self.cost.axes[axis.index()];
-        let count = 2 * starts.len();
+        let number = starts.len();
         // Padding lies on a face, where no plane divides the cell.
-        let mut position = [along.min; CANDIDATES];
-        position[..starts.len()].copy_from_slice(starts);
-        position[starts.len()..count].copy_from_slice(ends);
-        let mut costs = [[f32::INFINITY; CANDIDATES]; 2];
-        let mut least = [f32::INFINITY; LANES];
-        for block in 0..count.div_ceil(LANES) {
-            let at = block * LANES;
-            let here: [f32; LANES] = position[at..at + LANES].try_into().expect("eight of them");
-            let mut lower = [0_u32; LANES];
-            let mut upper = [0_u32; LANES];
-            let mut planar = [0_u32; LANES];
-            for (&start, &end) in starts.iter().zip(ends) {
-                for lane in 0..LANES {
-                    lower[lane] += u32::from(start < here[lane]);
-                    upper[lane] += u32::from(end > here[lane]);
-                    if PLANAR {
-                        planar[lane] += u32::from((start == here[lane]) & (end == here[lane]));
-                    }
-                }
-            }
-            for lane in 0..LANES {
-                let (l, p, u) = (lower[lane], planar[lane], upper[lane]);
-                let fraction = along.fraction(here[lane]);
-                let is_inside = (along.min < here[lane]) & (here[lane] < along.max);
-                let cost = self.of_parts(axis, fraction, (l + p, u));
-                let cost = if is_inside & (cost < f32::INFINITY) {
-                    cost
-                } else {
-                    f32::INFINITY
-                };
-                costs[0][at + lane] = cost;
-                least[lane] = if cost < least[lane] {
-                    cost
-                } else {
-                    least[lane]
-                };
-                if PLANAR {
-                    let cost = self.of_parts(axis, fraction, (l, p + u));
-                    let cost = if is_inside & (cost < f32::INFINITY) & (p > 0) {
+        let mut positions = [self.along.min; 2 * SMALL + LANES];
+        positions[..number].copy_from_slice(starts);
+        positions[number..2 * number].copy_from_slice(ends);
+        let mut lower_side = Least::NOTHING;
+        let mut upper_side = Least::NOTHING;
+        let (candidates, _) = positions.as_chunks::<LANES>();
+        for candidates in &candidates[..(2 * number).div_ceil(LANES)] {
+            let (below, above) = count.below_and_above(candidates, starts, ends);
+            let planar = if PLANAR {
+                planar(candidates, starts, ends)
+            } else {
+                [0; LANES]
+            };
+            let costs = std::array::from_fn(|lane| {
+                self.plane(candidates[lane], below[lane] + planar[lane], above[lane])
+            });
+            lower_side.add(candidates, &costs);
+            if PLANAR {
+                let costs = std::array::from_fn(|lane| {
+                    let cost =
+                        self.plane(candidates[lane], below[lane], planar[lane] + above[lane]);
+                    if planar[lane] > 0 {
                         cost
                     } else {
                         f32::INFINITY
-                    };
-                    costs[1][at + lane] = cost;
-                    least[lane] = if cost < least[lane] {
-                        cost
-                    } else {
-                        least[lane]
-                    };
-                }
+                    }
+                });
+                upper_side.add(candidates, &costs);
             }
         }
-        let least = least.into_iter().fold(f32::INFINITY, f32::min);
-        if !(least <= best.least_cost() && least < f32::INFINITY) {
-            return;
+        self.take(&lower_side, Side::Lower, best);
+        if PLANAR {
+            self.take(&upper_side, Side::Upper, best);
         }
-        for (planar_side, costs) in [Side::Lower, Side::Upper].into_iter().zip(&costs) {
-            for (cost, position) in costs[..count].iter().zip(position) {
-                if *cost == least {
-                    best.take(Plane {
-                        axis,
-                        position,
-                        planar_side,
-                        cost: *cost,
-                    });
-                }
+    }
+
+    #[inline(always)]
+    fn take(&self, least: &Least, planar_side: Side, best: &mut BestPlane<'_>) {
+        for (&cost, &position) in least.cost.iter().zip(&least.position) {
+            if cost <= best.least_cost() {
+                best.take(Plane {
+                    axis: self.axis,
+                    position,
+                    planar_side,
+                    cost,
+                });
             }
+        }
+    }
+}
+
+/// How many primitives lie in each candidate plane.
+#[inline(always)]
+fn planar(candidates: &Lanes<f32>, starts: &[f32], ends: &[f32]) -> Lanes<u32> {
+    let mut planar = [0; LANES];
+    for (&start, &end) in starts.iter().zip(ends) {
+        for (lane, &candidate) in candidates.iter().enumerate() {
+            planar[lane] += u32::from((start == candidate) & (end == candidate));
+        }
+    }
+    planar
+}
+
+/// The least cost in each lane, and where it is; at the lowest position among equals.
+struct Least {
+    cost: Lanes<f32>,
+    position: Lanes<f32>,
+}
+
+impl Least {
+    const NOTHING: Self = Self {
+        cost: [f32::INFINITY; LANES],
+        position: [f32::INFINITY; LANES],
+    };
+
+    #[inline(always)]
+    fn add(&mut self, positions: &Lanes<f32>, costs: &Lanes<f32>) {
+        for lane in 0..LANES {
+            let (cost, position) = (costs[lane], positions[lane]);
+            let (least, at) = (self.cost[lane], self.position[lane]);
+            let is_better = (cost < least) | ((cost == least) & (position < at));
+            self.cost[lane] = if is_better { cost } else { least };
+            self.position[lane] = if is_better { position } else { at };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::{Aabb, CostModel};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cell::{Cell, Place};
+    use crate::choose::{Memoryless as _, Naive};
+    use crate::plane::LeafCost;
+
+    proptest! {
+        /// Whatever the processor has against what every target has, and against the plain judge.
+        #[test]
+        fn all_ways_give_the_same_plane(
+            boxes in prop::collection::vec(([-4_i8..5, -4_i8..5, -4_i8..5], [0_i8..3, 0_i8..3, 0_i8..3]), 1..SMALL),
+            lanes in 1_u32..80,
+        ) {
+            let prims: Vec<Prim> = (0_u32..)
+                .zip(&boxes)
+                .map(|(slot, (min, size))| {
+                    let [min, size] = [min, size].map(|v| Vec3::from_array(v.map(f32::from)));
+                    Prim::new(slot, &Aabb { min, max: min + 0.5 * size })
+                })
+                .collect();
+            let cell = prims.iter().fold(Aabb::EMPTY, |all, prim| all.union(&prim.bounds()));
+            let model = CostModel { lanes, ..CostModel::CLASSIC };
+            let cost = CellCost::new(LeafCost::new(&model), &cell);
+            let portable = best_plane_by(Portable, &prims, &cost);
+            prop_assert_eq!(best_plane(&prims, &cost), portable);
+            let place = Place { bounds: cell, tight: cell, depth: 0 };
+            let cell = Cell { place: &place, prims: &prims };
+            let naive = Naive.plane(cell, &cost, false);
+            prop_assert_eq!(naive, portable);
         }
     }
 }

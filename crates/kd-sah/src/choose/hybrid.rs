@@ -12,7 +12,7 @@ pub(crate) struct Hybrid<C> {
 }
 
 impl<C: Memoryless> Memoryless for Hybrid<C> {
-    fn plane(&self, cell: &Cell, cost: &CellCost, parallel: bool) -> Option<Plane> {
+    fn plane(&self, cell: Cell<'_>, cost: &CellCost, parallel: bool) -> Option<Plane> {
         if cell.prims.len() <= self.exact_below as usize {
             Exact.plane(cell, cost, parallel)
         } else {

@@ -14,14 +14,14 @@ pub(crate) struct Median;
 impl Memoryless for Median {
     const BY_COST: bool = false;
 
-    fn plane(&self, cell: &Cell, _: &CellCost, _: bool) -> Option<Plane> {
-        let center = cell.bounds.center();
-        let in_turn = (0..3).map(|step| Axis::ALL[(cell.depth as usize + step) % 3]);
+    fn plane(&self, cell: Cell<'_>, _: &CellCost, _: bool) -> Option<Plane> {
+        let center = cell.place.bounds.center();
+        let in_turn = (0..3).map(|step| Axis::ALL[(cell.place.depth as usize + step) % 3]);
         in_turn
             .map(|axis| (axis, center[axis.index()]))
             .find(|&(axis, middle)| {
                 let axis = axis.index();
-                cell.bounds.min[axis] < middle && middle < cell.bounds.max[axis]
+                cell.place.bounds.min[axis] < middle && middle < cell.place.bounds.max[axis]
             })
             .map(|(axis, position)| Plane {
                 axis,

@@ -12,10 +12,10 @@ use crate::plane::{BestPlane, CellCost, Counts, Plane};
 pub(crate) struct Naive;
 
 impl Memoryless for Naive {
-    fn plane(&self, cell: &Cell, cost: &CellCost, _: bool) -> Option<Plane> {
+    fn plane(&self, cell: Cell<'_>, cost: &CellCost, _: bool) -> Option<Plane> {
         let mut best = BestPlane::new(cost);
         for axis in Axis::ALL {
-            for prim in &cell.prims {
+            for prim in cell.prims {
                 for position in [prim.start(axis), prim.end(axis)] {
                     // -0.0 and 0.0 are one plane; whichever a primitive has, name it 0.0.
                     let position = position + 0.0;
@@ -27,13 +27,13 @@ impl Memoryless for Naive {
     }
 }
 
-fn count(cell: &Cell, axis: Axis, position: f32) -> Counts {
+fn count(cell: Cell<'_>, axis: Axis, position: f32) -> Counts {
     let mut counts = Counts {
         lower: 0,
         planar: 0,
         upper: 0,
     };
-    for prim in &cell.prims {
+    for prim in cell.prims {
         let (start, end) = (prim.start(axis), prim.end(axis));
         counts.lower += usize::from(start < position);
         counts.planar += usize::from(start == position && end == position);

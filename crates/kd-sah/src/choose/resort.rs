@@ -12,10 +12,10 @@ use crate::plane::{BestPlane, CellCost, Plane};
 pub(crate) struct Resort;
 
 impl Memoryless for Resort {
-    fn plane(&self, cell: &Cell, cost: &CellCost, _: bool) -> Option<Plane> {
+    fn plane(&self, cell: Cell<'_>, cost: &CellCost, _: bool) -> Option<Plane> {
         let mut best = BestPlane::new(cost);
         for axis in Axis::ALL {
-            let mut events = events_of(&cell.prims, axis);
+            let mut events = events_of(cell.prims, axis);
             events.sort_unstable();
             sweep(&events, axis, (0, cell.prims.len()), 1, &mut best);
         }

@@ -25,12 +25,12 @@ pub(crate) struct Sampled {
 }
 
 impl Memoryless for Sampled {
-    fn plane(&self, cell: &Cell, cost: &CellCost, parallel: bool) -> Option<Plane> {
+    fn plane(&self, cell: Cell<'_>, cost: &CellCost, parallel: bool) -> Option<Plane> {
         if cell.prims.len() <= SMALL {
-            return small::best_plane(&cell.prims, cost);
+            return small::best_plane(cell.prims, cost);
         }
         let mut best = BestPlane::new(cost);
-        let extent = cell.tight.extent();
+        let extent = cell.place.tight.extent();
         let longest = Axis::ALL.into_iter().reduce(|a, b| {
             if extent[b.index()] > extent[a.index()] {
                 b
@@ -43,7 +43,7 @@ impl Memoryless for Sampled {
                 sample(cell, axis, parallel).offer_minima(axis, cell.prims.len(), cost, &mut best);
             }
         }
-        offer_empty_cuts(&mut best, &cell.tight, cell.prims.len());
+        offer_empty_cuts(&mut best, &cell.place.tight, cell.prims.len());
         best.found()
     }
 }
@@ -60,8 +60,11 @@ struct Counted {
 struct Samples(Vec<Counted>);
 
 /// Counts at evenly spaced planes, then at those between which the counts change most.
-fn sample(cell: &Cell, axis: Axis, parallel: bool) -> Samples {
-    let (min, max) = (cell.tight.min[axis.index()], cell.tight.max[axis.index()]);
+fn sample(cell: Cell<'_>, axis: Axis, parallel: bool) -> Samples {
+    let (min, max) = (
+        cell.place.tight.min[axis.index()],
+        cell.place.tight.max[axis.index()],
+    );
     let all = cell.prims.len() as f32;
     let face = |position, lower, upper| Counted {
         position,
@@ -170,7 +173,7 @@ fn between(a: f32, b: f32, part: f32) -> f32 {
 }
 
 /// How many primitives reach below and above each of eight planes.
-fn count(cell: &Cell, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [Counted; PLANES] {
+fn count(cell: Cell<'_>, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [Counted; PLANES] {
     let chunks = tasks::map(
         cell.prims.chunks(CHUNK).collect(),
         parallel,

@@ -3,7 +3,7 @@
 use kd_core::Axis;
 
 use super::ChoosePlane;
-use crate::cell::{Cell, Place};
+use crate::cell::{Cell, Lies};
 use crate::events::{Event, events_of, push_events, sweep_in_chunks};
 use crate::plane::{BestPlane, CellCost, Plane};
 use crate::prim::Prim;
@@ -18,9 +18,9 @@ impl ChoosePlane for Sweep {
     /// Sorted events of the cell, per axis.
     type Kept = [Vec<Event>; 3];
 
-    fn begin(&self, root: &Cell) -> Self::Kept {
+    fn begin(&self, root: Cell<'_>) -> Self::Kept {
         Axis::ALL.map(|axis| {
-            let mut events = events_of(&root.prims, axis);
+            let mut events = events_of(root.prims, axis);
             events.sort_unstable();
             events
         })
@@ -28,7 +28,7 @@ impl ChoosePlane for Sweep {
 
     fn choose(
         &self,
-        cell: &Cell,
+        cell: Cell<'_>,
         kept: &Self::Kept,
         cost: &CellCost,
         parallel: bool,
@@ -44,9 +44,9 @@ impl ChoosePlane for Sweep {
     fn divide(
         &self,
         kept: Self::Kept,
-        cell: &Cell,
+        cell: Cell<'_>,
         plane: &Plane,
-        parts: [&Cell; 2],
+        parts: [Cell<'_>; 2],
         parallel: bool,
     ) -> [Self::Kept; 2] {
         let moves = Moves::of(cell, plane, parts);
@@ -83,19 +83,19 @@ struct Moves {
 }
 
 impl Moves {
-    fn of(cell: &Cell, plane: &Plane, parts: [&Cell; 2]) -> Self {
+    fn of(cell: Cell<'_>, plane: &Plane, parts: [Cell<'_>; 2]) -> Self {
         let mut numbers = [0_u32; 2];
         let mut cut = [const { Vec::new() }; 2];
-        let moved = cell.prims.iter().map(|prim| match Place::of(prim, plane) {
-            Place::Lower => {
+        let moved = cell.prims.iter().map(|prim| match Lies::of(prim, plane) {
+            Lies::Below => {
                 numbers[0] += 1;
                 Moved::Lower(numbers[0] - 1)
             }
-            Place::Upper => {
+            Lies::Above => {
                 numbers[1] += 1;
                 Moved::Upper(numbers[1] - 1)
             }
-            Place::Across => {
+            Lies::Across => {
                 // Parts keep the order of the cell, but clipping may have left nothing on one side.
                 for ((number, cut), part) in numbers.iter_mut().zip(&mut cut).zip(parts) {
                     let at = part.prims.get(*number as usize);
@@ -112,18 +112,18 @@ impl Moves {
     }
 
     /// Events of both parts on one axis.
-    fn divide(&self, axis: Axis, events: Vec<Event>, parts: [&Cell; 2]) -> [Vec<Event>; 2] {
+    fn divide(&self, axis: Axis, events: Vec<Event>, parts: [Cell<'_>; 2]) -> [Vec<Event>; 2] {
         let (kept_lower, kept_upper) = self.split(&events, parts);
         drop(events);
         let [new_lower, new_upper] = [0, 1].map(|side: usize| {
-            let prims = &parts[side].prims;
+            let prims = parts[side].prims;
             made_anew(prims, &self.cut[side], axis)
         });
         [merge(kept_lower, &new_lower), merge(kept_upper, &new_upper)]
     }
 
     /// The events of primitives that went to one side, renumbered. Numbers keep their order, so events do.
-    fn split(&self, events: &[Event], parts: [&Cell; 2]) -> (Vec<Event>, Vec<Event>) {
+    fn split(&self, events: &[Event], parts: [Cell<'_>; 2]) -> (Vec<Event>, Vec<Event>) {
         let [mut lower, mut upper] = parts.map(|part| Vec::with_capacity(2 * part.prims.len()));
         for event in events {
             match self.moved[event.prim() as usize] {

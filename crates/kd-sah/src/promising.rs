@@ -1,0 +1,246 @@
+//! Bins that may hold the best plane: each has a bound of what any plane in it can cost.
+//!
+//! A plane in a bin has at least the primitives of all bins before it below it, at least those of all bins behind it
+//! above it, and cuts off at least as much of the cell as the bin's own faces, so it costs at least as much as such a
+//! plane would. On the other hand, between two neighbouring starts or ends the cost is linear, so that one of them
+//! costs no more than a plane anywhere between: the boundaries of bins, whose cost is known, tell what the best plane
+//! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins, commonly a tenth of
+//! all, are collected, sorted and swept, most promising bin first, until no bin can hold anything better.
+
+use std::ops::Range;
+
+use kd_core::Axis;
+use smallvec::SmallVec;
+
+use crate::bins::{Bins, Grid, MOST_BINS};
+use crate::cell::Cell;
+use crate::events::{Event, sweep};
+use crate::plane::{BestPlane, CellCost};
+use crate::prim::Prim;
+use crate::tasks::{self, CHUNK};
+
+/// A bin, and what bounds its planes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) axis: Axis,
+    pub(crate) bin: usize,
+    /// No plane in the bin costs less.
+    pub(crate) at_least: f32,
+    /// Primitives that reach below all of the bin, and those that reach above where it starts.
+    pub(crate) before: (usize, usize),
+}
+
+/// The first and the last bin, of those between the outer ones, where anything starts or ends; the first behind the
+/// last if there is none.
+fn occupied_between(bins: &Bins, axis: Axis) -> (usize, usize) {
+    let is_occupied = |(starts, ends): (usize, usize)| starts + ends > 0;
+    let last = bins.along(axis).len() - 1;
+    let mut inner = bins.along(axis).take(last).skip(1);
+    let first = inner.position(is_occupied).map_or(last, |at| at + 1);
+    let last = bins.along(axis).take(last).rposition(is_occupied);
+    (first, last.unwrap_or(0))
+}
+
+/// The bins that may hold the best plane, most promising first, and the grid they are of.
+pub(crate) struct Promising<'a> {
+    grid: &'a Grid,
+    step: usize,
+    candidates: SmallVec<[Candidate; 64]>,
+}
+
+/// The cost at a boundary is linear only up to rounding.
+const ROUNDING: f32 = 1.0 + 1.0 / (1 << 18) as f32;
+
+impl<'a> Promising<'a> {
+    /// `bins` hold every `step`th primitive.
+    pub(crate) fn of(bins: &Bins, step: usize, grid: &'a Grid, cost: &CellCost) -> Self {
+        let of_parts = |axis, below: (f32, usize), above: (f32, usize)| {
+            cost.of_parts(axis, (below.0, step * below.1), (above.0, step * above.1))
+        };
+        let count = bins.counted();
+        let mut candidates = SmallVec::<[Candidate; 64]>::new();
+        let mut at_most = f32::INFINITY;
+        for axis in Axis::ALL {
+            let edges = grid.edges(&cost.axes[axis.index()], axis);
+            let (first, last) = occupied_between(bins, axis);
+            let (mut lower, mut upper) = (0, count);
+            for (bin, (starting, ending)) in bins.along(axis).enumerate() {
+                if first < bin && bin <= last {
+                    let edge = edges.at(bin);
+                    at_most = at_most.min(of_parts(axis, (edge, lower), (1.0 - edge, upper)));
+                }
+                if starting + ending > 0 {
+                    let (from, to) = edges.around(bin);
+                    let at_least = of_parts(axis, (from, lower), (1.0 - to, upper - ending));
+                    if at_least <= at_most * ROUNDING {
+                        candidates.push(Candidate {
+                            axis,
+                            bin,
+                            at_least,
+                            before: (lower, upper),
+                        });
+                    }
+                }
+                lower += starting;
+                upper -= ending;
+            }
+        }
+        candidates.retain(|candidate| candidate.at_least <= at_most * ROUNDING);
+        candidates.sort_unstable_by(|a, b| {
+            let by_cost = a.at_least.total_cmp(&b.at_least);
+            by_cost.then_with(|| (a.axis, a.bin).cmp(&(b.axis, b.bin)))
+        });
+        Self {
+            grid,
+            step,
+            candidates,
+        }
+    }
+
+    /// Forgets all but the first few.
+    pub(crate) fn limit(&mut self, most: usize) {
+        self.candidates.truncate(most);
+    }
+
+    /// Offers the starts and ends in all of the bins, but for what cannot be best. `chunks` are the counts of the
+    /// cell's chunks.
+    pub(crate) fn offer_to<'b>(
+        &self,
+        best: &mut BestPlane<'b>,
+        cell: Cell<'_>,
+        chunks: &[Bins],
+        parallel: bool,
+    ) {
+        let table = Table::of(&self.candidates);
+        let chunks = cell.prims.chunks(CHUNK).zip(chunks).collect();
+        let collected = tasks::map(chunks, parallel, |(prims, bins)| {
+            Collected::of(
+                prims.iter().step_by(self.step),
+                bins,
+                self.grid,
+                &self.candidates,
+                &table,
+            )
+        });
+        let look_into = |best: &mut BestPlane<'b>, events: &mut Vec<Event>, number: usize| {
+            events.clear();
+            for part in &collected {
+                events.extend_from_slice(part.of_candidate(number));
+            }
+            events.sort_unstable();
+            let Candidate { axis, before, .. } = self.candidates[number];
+            sweep(events, axis, before, self.step, best);
+        };
+        let mut events = Vec::new();
+        if !parallel || collected.len() == 1 {
+            for (number, candidate) in self.candidates.iter().enumerate() {
+                if candidate.at_least > best.least_cost() {
+                    break;
+                }
+                look_into(best, &mut events, number);
+            }
+            return;
+        }
+        // The first tells which others can be left alone, and these are independent of each other.
+        if !self.candidates.is_empty() {
+            look_into(best, &mut events, 0);
+        }
+        let first = *best;
+        let others = (1..self.candidates.len())
+            .take_while(|&number| self.candidates[number].at_least <= first.least_cost());
+        let found = tasks::map(others.collect(), parallel, |number| {
+            let mut best = first;
+            look_into(&mut best, &mut Vec::new(), number);
+            best.found()
+        });
+        for plane in found.into_iter().flatten() {
+            best.take(plane);
+        }
+    }
+}
+
+/// Which candidate a bin is. All that are none share a number behind the last candidate's.
+struct Table {
+    numbers: [[u16; MOST_BINS]; 3],
+    /// Whether there is any candidate on an axis.
+    has_any: [bool; 3],
+}
+
+impl Table {
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "at most three times MOST_BINS"
+    )]
+    fn of(candidates: &[Candidate]) -> Self {
+        let mut table = Self {
+            numbers: [[candidates.len() as u16; MOST_BINS]; 3],
+            has_any: [false; 3],
+        };
+        for (number, candidate) in (0_u16..).zip(candidates) {
+            table.numbers[candidate.axis.index()][candidate.bin] = number;
+            table.has_any[candidate.axis.index()] = true;
+        }
+        table
+    }
+}
+
+/// Starts and ends of some primitives, those of each candidate together.
+struct Collected {
+    events: Vec<Event>,
+    /// Where those of each candidate start and end; what belongs to no candidate has a place of its own at the end.
+    ranges: SmallVec<[Range<usize>; 64]>,
+}
+
+impl Collected {
+    fn of<'a>(
+        prims: impl Iterator<Item = &'a Prim> + Clone,
+        bins: &Bins,
+        grid: &Grid,
+        candidates: &[Candidate],
+        table: &Table,
+    ) -> Self {
+        let lengths = candidates.iter().map(|candidate| {
+            let (starts, ends) = bins.at(candidate.axis, candidate.bin);
+            starts + ends
+        });
+        let mut ranges = SmallVec::with_capacity(candidates.len() + 1);
+        let mut total = 0;
+        for length in lengths.chain([1]) {
+            ranges.push(total..total);
+            total += length;
+        }
+        let mut collected = Self {
+            events: vec![Event::NONE; total],
+            ranges,
+        };
+        let (events, ranges) = (&mut *collected.events, &mut *collected.ranges);
+        // Without a branch on whether anybody wants it, which nobody could predict.
+        let mut put = |number: u16, event: Event| {
+            let number = usize::from(number);
+            let range = &mut ranges[number];
+            events[range.end] = event;
+            range.end += usize::from(number != candidates.len());
+        };
+        for axis in Axis::ALL {
+            if !table.has_any[axis.index()] {
+                continue;
+            }
+            let numbers = &table.numbers[axis.index()];
+            let number = |position| numbers[usize::from(grid.bin(axis, position))];
+            for prim in prims.clone() {
+                let (start, end) = (prim.start(axis), prim.end(axis));
+                if start == end {
+                    put(number(start), Event::planar(start));
+                } else {
+                    put(number(start), Event::start(start));
+                    put(number(end), Event::end(end));
+                }
+            }
+        }
+        collected
+    }
+
+    fn of_candidate(&self, number: usize) -> &[Event] {
+        &self.events[self.ranges[number].clone()]
+    }
+}
