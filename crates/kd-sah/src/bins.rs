@@ -40,17 +40,21 @@ impl Grid {
         }
     }
 
-    /// The bin of a position in the box.
-    #[inline]
-    pub(crate) fn bin(&self, axis: Axis, position: f32) -> u8 {
-        let axis = axis.index();
-        let at = (position - self.origin[axis]) * self.scale[axis] - 0.5;
-        let at = if at > 0.0 { at } else { 0.0 };
-        let at = if at < self.last { at } else { self.last };
-        low_byte(at + INTEGERS)
+    /// A plane where a bin starts, up to rounding, along an axis that can be divided.
+    pub(crate) fn boundary(&self, axis: Axis, bin: usize) -> f32 {
+        self.origin[axis.index()] + bin as f32 / self.scale[axis.index()]
     }
 
-    /// The bins on all axes: [`bin`](Self::bin) by the same operations on vectors.
+    /// The grid along one axis.
+    pub(crate) fn along(&self, axis: Axis) -> AxisGrid {
+        AxisGrid {
+            origin: self.origin[axis.index()],
+            scale: self.scale[axis.index()],
+            last: self.last,
+        }
+    }
+
+    /// The bins on all axes: [`AxisGrid::bin`] by the same operations on vectors.
     #[inline]
     fn bins_of(&self, position: Vec4) -> [u8; 3] {
         let at = (position - self.origin) * self.scale - Vec4::splat(0.5);
@@ -71,6 +75,25 @@ impl Grid {
             first: along.fraction(self.origin[axis.index()]),
             step: along.scale / scale,
         }
+    }
+}
+
+/// A [`Grid`] along one axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AxisGrid {
+    origin: f32,
+    scale: f32,
+    last: f32,
+}
+
+impl AxisGrid {
+    /// The bin of a position in the box.
+    #[inline]
+    pub(crate) fn bin(&self, position: f32) -> u8 {
+        let at = (position - self.origin) * self.scale - 0.5;
+        let at = if at > 0.0 { at } else { 0.0 };
+        let at = if at < self.last { at } else { self.last };
+        low_byte(at + INTEGERS)
     }
 }
 
@@ -119,6 +142,17 @@ pub(crate) struct Bin {
 pub(crate) struct Bins(Vec<Bin>);
 
 impl Bins {
+    /// Counts each `step`th primitive, along one axis only.
+    fn of_axis(prims: &[Prim], grid: &Grid, step: usize, axis: Axis) -> Self {
+        let mut bins = vec![Bin::default(); grid.bins];
+        let grid = grid.along(axis);
+        for prim in prims.iter().step_by(step) {
+            bins[usize::from(grid.bin(prim.start(axis)))].starts[axis.index()] += 1;
+            bins[usize::from(grid.bin(prim.end(axis)))].ends[axis.index()] += 1;
+        }
+        Self(bins)
+    }
+
     /// Counts each `step`th primitive.
     fn of(prims: &[Prim], grid: &Grid, step: usize) -> Self {
         let mut bins = vec![Bin::default(); grid.bins];
@@ -173,18 +207,27 @@ impl Bins {
         )
     }
 
-    /// How many primitives were counted: each starts once.
-    pub(crate) fn counted(&self) -> usize {
-        self.along(Axis::X).map(|(starts, _)| starts).sum()
+    /// How many primitives were counted, along an axis that was: each starts once.
+    pub(crate) fn counted(&self, axis: Axis) -> usize {
+        self.along(axis).map(|(starts, _)| starts).sum()
     }
 }
 
-/// The counts of every `step`th primitive of a cell, in chunks, so that several threads can count (PreScan of Choi et
+/// The counts of every `step`th primitive of a cell, in chunks, so that several threads can count (`PreScan` of Choi et
 /// al. 2010).
-pub(crate) fn count(cell: Cell<'_>, grid: &Grid, step: usize, parallel: bool) -> Vec<Bins> {
+pub(crate) fn count(
+    cell: Cell<'_>,
+    axes: &[Axis],
+    grid: &Grid,
+    step: usize,
+    parallel: bool,
+) -> Vec<Bins> {
     tasks::map(
         cell.prims.chunks(CHUNK).collect(),
         parallel,
-        |chunk: &[Prim]| Bins::of(chunk, grid, step),
+        |chunk: &[Prim]| match axes {
+            [axis] => Bins::of_axis(chunk, grid, step, *axis),
+            _ => Bins::of(chunk, grid, step),
+        },
     )
 }

@@ -127,8 +127,8 @@ impl<S: PrimSource> Division<'_, S> {
         (self.places(&filled), middle)
     }
 
-    /// Divides a large cell into two lists, in chunks and possibly on several threads (ClassifyTriangles and
-    /// FilterGeometry of Choi et al. 2010). Each chunk has been counted, so it is known where its part of the outcome
+    /// Divides a large cell into two lists, in chunks and possibly on several threads (`ClassifyTriangles` and
+    /// `FilterGeometry` of Choi et al. 2010). Each chunk has been counted, so it is known where its part of the outcome
     /// goes, and the order is that of the cell.
     pub(crate) fn in_chunks(
         &self,

@@ -197,7 +197,10 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         if count == 0 || count <= small_leaf || place.depth >= self.max_depth {
             return None;
         }
-        let cost = CellCost::new(self.leaf_cost, &place.bounds);
+        let mut cost = CellCost::new(self.leaf_cost, &place.bounds);
+        if self.options.longest_axis {
+            cost = cost.with_longest_axis(&place.bounds);
+        }
         let choose = || self.chooser.choose(cell, &part.kept, &cost, self.parallel);
         if !C::BY_COST {
             return choose();

@@ -148,8 +148,8 @@ pub(crate) fn sweep(
     }
 }
 
-/// [`sweep`] in chunks, possibly on several threads (Choi et al. 2010): PreScan counts the events of each chunk, Push
-/// adds up what lies before it, SAHScan looks for its best plane.
+/// [`sweep`] in chunks, possibly on several threads (Choi et al. 2010): `PreScan` counts the events of each chunk, Push
+/// adds up what lies before it, `SAHScan` looks for its best plane.
 pub(crate) fn sweep_in_chunks(
     events: &[Event],
     axis: Axis,

@@ -57,6 +57,7 @@ pub struct BuildOptions {
     pub(crate) retraction: bool,
     pub(crate) threads: usize,
     pub(crate) median_levels: u32,
+    pub(crate) longest_axis: bool,
 }
 
 /// The depth that no builder exceeds, whatever the number of primitives.
@@ -88,6 +89,7 @@ impl BuildOptions {
             retraction: true,
             threads: 0,
             median_levels: 0,
+            longest_axis: false,
         }
     }
 
@@ -162,6 +164,14 @@ impl BuildOptions {
     #[must_use]
     pub const fn with_threads(mut self, threads: usize) -> Self {
         self.threads = threads;
+        self
+    }
+
+    /// Whether planes are looked for across the longest axis of each cell only, those that cut off empty space
+    /// excepted. Takes about half the time, for a tree that is a little worse.
+    #[must_use]
+    pub const fn with_longest_axis(mut self, longest_axis: bool) -> Self {
+        self.longest_axis = longest_axis;
         self
     }
 

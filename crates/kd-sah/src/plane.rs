@@ -98,6 +98,8 @@ impl LeafCost {
 pub(crate) struct CellCost {
     pub(crate) leaf: LeafCost,
     pub(crate) axes: [AxisCost; 3],
+    /// The axes across which planes are looked for.
+    pub(crate) considered: &'static [Axis],
 }
 
 /// The chances of entering either part of a cell, as linear functions of where it is cut along an axis.
@@ -154,6 +156,21 @@ impl CellCost {
         Self {
             leaf,
             axes: Axis::ALL.map(|axis| AxisCost::of(cell, axis)),
+            considered: &Axis::ALL,
+        }
+    }
+
+    /// Considers planes across the longest axis of the cell only, the first one among equals.
+    pub(crate) fn with_longest_axis(self, cell: &Aabb) -> Self {
+        let extent = cell.extent();
+        let longest = Axis::ALL
+            .into_iter()
+            .rev()
+            .max_by(|a, b| extent[a.index()].total_cmp(&extent[b.index()]))
+            .map_or(0, Axis::index);
+        Self {
+            considered: &Axis::ALL[longest..=longest],
+            ..self
         }
     }
 

@@ -8,9 +8,10 @@ use kd_core::{Aabb, Axis};
 /// The fourth component of `low` carries the number, so that one primitive is two aligned vectors and never straddles
 /// a cache line. The fourth component of `high` is not used.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
 pub(crate) struct Prim {
-    low: Vec4,
-    high: Vec4,
+    low: [f32; 4],
+    high: [f32; 4],
 }
 
 const _: () = assert!(size_of::<Prim>() == 32, "two primitives to a cache line");
@@ -21,22 +22,22 @@ const NOT_DENORMAL: u32 = 1 << 30;
 impl Prim {
     /// To fill memory with before it is written.
     pub(crate) const NONE: Self = Self {
-        low: Vec4::ZERO,
-        high: Vec4::ZERO,
+        low: [0.0; 4],
+        high: [0.0; 4],
     };
 
     pub(crate) fn new(slot: u32, bounds: &Aabb) -> Self {
         let number = f32::from_bits(slot | NOT_DENORMAL);
         Self {
-            low: bounds.min.extend(number),
-            high: bounds.max.extend(0.0),
+            low: bounds.min.extend(number).to_array(),
+            high: bounds.max.extend(0.0).to_array(),
         }
     }
 
     /// Which one: its number in the source.
     #[inline]
     pub(crate) fn slot(&self) -> u32 {
-        self.low.w.to_bits() & !NOT_DENORMAL
+        self.low[3].to_bits() & !NOT_DENORMAL
     }
 
     /// Where it starts along an axis.
@@ -55,21 +56,21 @@ impl Prim {
     #[inline]
     pub(crate) fn bounds(&self) -> Aabb {
         Aabb {
-            min: self.low.truncate(),
-            max: self.high.truncate(),
+            min: self.low().truncate(),
+            max: self.high().truncate(),
         }
     }
 
     /// All starts, with something in the fourth component.
     #[inline]
     pub(crate) fn low(&self) -> Vec4 {
-        self.low
+        Vec4::from_array(self.low)
     }
 
     /// All ends, with something in the fourth component.
     #[inline]
     pub(crate) fn high(&self) -> Vec4 {
-        self.high
+        Vec4::from_array(self.high)
     }
 }
 
@@ -96,8 +97,8 @@ impl Around {
 
     #[inline]
     pub(crate) fn add(&mut self, prim: &Prim) {
-        self.low = self.low.min(prim.low);
-        self.high = self.high.max(prim.high);
+        self.low = self.low.min(prim.low());
+        self.high = self.high.max(prim.high());
     }
 
     #[inline]

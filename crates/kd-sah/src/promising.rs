@@ -4,8 +4,7 @@
 //! above it, and cuts off at least as much of the cell as the bin's own faces, so it costs at least as much as such a
 //! plane would. On the other hand, between two neighbouring starts or ends the cost is linear, so that one of them
 //! costs no more than a plane anywhere between: the boundaries of bins, whose cost is known, tell what the best plane
-//! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins, commonly a tenth of
-//! all, are collected, sorted and swept, most promising bin first, until no bin can hold anything better.
+//! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins are collected, sorted and swept, most promising bin first, until no bin can hold anything better.
 
 use std::ops::Range;
 
@@ -15,7 +14,7 @@ use smallvec::SmallVec;
 use crate::bins::{Bins, Grid, MOST_BINS};
 use crate::cell::Cell;
 use crate::events::{Event, sweep};
-use crate::plane::{BestPlane, CellCost};
+use crate::plane::{BestPlane, CellCost, Side};
 use crate::prim::Prim;
 use crate::tasks::{self, CHUNK};
 
@@ -46,6 +45,15 @@ pub(crate) struct Promising<'a> {
     grid: &'a Grid,
     step: usize,
     candidates: SmallVec<[Candidate; 64]>,
+    boundary: Option<Boundary>,
+}
+
+/// A boundary between bins, and how many of the counted primitives reach below and above it.
+#[derive(Clone, Copy, Debug)]
+struct Boundary {
+    axis: Axis,
+    bin: usize,
+    counts: (usize, usize),
 }
 
 /// The cost at a boundary is linear only up to rounding.
@@ -57,17 +65,22 @@ impl<'a> Promising<'a> {
         let of_parts = |axis, below: (f32, usize), above: (f32, usize)| {
             cost.of_parts(axis, (below.0, step * below.1), (above.0, step * above.1))
         };
-        let count = bins.counted();
         let mut candidates = SmallVec::<[Candidate; 64]>::new();
         let mut at_most = f32::INFINITY;
-        for axis in Axis::ALL {
+        let mut boundary = None;
+        for &axis in cost.considered {
             let edges = grid.edges(&cost.axes[axis.index()], axis);
             let (first, last) = occupied_between(bins, axis);
-            let (mut lower, mut upper) = (0, count);
+            let (mut lower, mut upper) = (0, bins.counted(axis));
             for (bin, (starting, ending)) in bins.along(axis).enumerate() {
                 if first < bin && bin <= last {
                     let edge = edges.at(bin);
-                    at_most = at_most.min(of_parts(axis, (edge, lower), (1.0 - edge, upper)));
+                    let cost = of_parts(axis, (edge, lower), (1.0 - edge, upper));
+                    if cost < at_most {
+                        at_most = cost;
+                        let counts = (lower, upper);
+                        boundary = Some(Boundary { axis, bin, counts });
+                    }
                 }
                 if starting + ending > 0 {
                     let (from, to) = edges.around(bin);
@@ -94,6 +107,15 @@ impl<'a> Promising<'a> {
             grid,
             step,
             candidates,
+            boundary,
+        }
+    }
+
+    /// Offers the best boundary between bins.
+    pub(crate) fn offer_boundary_to(&self, best: &mut BestPlane<'_>) {
+        if let Some(Boundary { axis, bin, counts }) = self.boundary {
+            let counts = (self.step * counts.0, self.step * counts.1);
+            best.offer_side(axis, self.grid.boundary(axis, bin), counts, Side::Lower);
         }
     }
 
@@ -104,9 +126,9 @@ impl<'a> Promising<'a> {
 
     /// Offers the starts and ends in all of the bins, but for what cannot be best. `chunks` are the counts of the
     /// cell's chunks.
-    pub(crate) fn offer_to<'b>(
+    pub(crate) fn offer_to(
         &self,
-        best: &mut BestPlane<'b>,
+        best: &mut BestPlane<'_>,
         cell: Cell<'_>,
         chunks: &[Bins],
         parallel: bool,
@@ -114,43 +136,37 @@ impl<'a> Promising<'a> {
         let table = Table::of(&self.candidates);
         let chunks = cell.prims.chunks(CHUNK).zip(chunks).collect();
         let collected = tasks::map(chunks, parallel, |(prims, bins)| {
-            Collected::of(
-                prims.iter().step_by(self.step),
-                bins,
-                self.grid,
-                &self.candidates,
-                &table,
-            )
+            let prims = prims.iter().step_by(self.step);
+            Collected::of(prims, bins, self.grid, &self.candidates, &table)
         });
-        let look_into = |best: &mut BestPlane<'b>, events: &mut Vec<Event>, number: usize| {
-            events.clear();
-            for part in &collected {
-                events.extend_from_slice(part.of_candidate(number));
-            }
-            events.sort_unstable();
-            let Candidate { axis, before, .. } = self.candidates[number];
-            sweep(events, axis, before, self.step, best);
+        // Those that several threads look into at once do not know of each other.
+        let tasks = if parallel && collected.len() > 1 {
+            self.candidates.len()
+        } else {
+            1
         };
-        let mut events = Vec::new();
-        if !parallel || collected.len() == 1 {
-            for (number, candidate) in self.candidates.iter().enumerate() {
+        let known = *best;
+        let found = tasks::map((0..tasks).collect(), parallel, |task| {
+            let mut best = known;
+            let mut events = Vec::new();
+            for number in (task..self.candidates.len()).step_by(tasks) {
+                let candidate = &self.candidates[number];
                 if candidate.at_least > best.least_cost() {
                     break;
                 }
-                look_into(best, &mut events, number);
+                events.clear();
+                for part in &collected {
+                    events.extend_from_slice(part.of_candidate(number));
+                }
+                events.sort_unstable();
+                sweep(
+                    &events,
+                    candidate.axis,
+                    candidate.before,
+                    self.step,
+                    &mut best,
+                );
             }
-            return;
-        }
-        // The first tells which others can be left alone, and these are independent of each other.
-        if !self.candidates.is_empty() {
-            look_into(best, &mut events, 0);
-        }
-        let first = *best;
-        let others = (1..self.candidates.len())
-            .take_while(|&number| self.candidates[number].at_least <= first.least_cost());
-        let found = tasks::map(others.collect(), parallel, |number| {
-            let mut best = first;
-            look_into(&mut best, &mut Vec::new(), number);
             best.found()
         });
         for plane in found.into_iter().flatten() {
@@ -226,7 +242,8 @@ impl Collected {
                 continue;
             }
             let numbers = &table.numbers[axis.index()];
-            let number = |position| numbers[usize::from(grid.bin(axis, position))];
+            let grid = grid.along(axis);
+            let number = |position| numbers[usize::from(grid.bin(position))];
             for prim in prims.clone() {
                 let (start, end) = (prim.start(axis), prim.end(axis));
                 if start == end {

@@ -70,35 +70,23 @@ impl Count for Portable {
     }
 }
 
-/// Starts or ends on each axis.
-type Columns = [[f32; SMALL]; 3];
-
 #[inline(always)]
 fn best_plane_by(count: impl Count, prims: &[Prim], cost: &CellCost) -> Option<Plane> {
     let number = prims.len();
     assert!(number <= SMALL, "{number} are too many");
-    let (mut starts, mut ends): (Columns, Columns) = ([[0.0; SMALL]; 3], [[0.0; SMALL]; 3]);
-    let mut planar = glam::BVec4A::FALSE;
-    for (i, prim) in prims.iter().enumerate() {
-        // -0.0 and 0.0 are one plane, named 0.0.
-        let (low, high) = (
-            prim.low() + glam::Vec4::ZERO,
-            prim.high() + glam::Vec4::ZERO,
-        );
-        planar |= low.cmpeq(high);
-        for axis in 0..3 {
-            starts[axis][i] = low[axis];
-            ends[axis][i] = high[axis];
-        }
-    }
     let mut best = BestPlane::new(cost);
-    for axis in Axis::ALL {
-        let (starts, ends) = (
-            &starts[axis.index()][..number],
-            &ends[axis.index()][..number],
-        );
+    for &axis in cost.considered {
+        let (mut starts, mut ends) = ([0.0; SMALL], [0.0; SMALL]);
+        let mut is_any_planar = false;
+        for ((start, end), prim) in starts.iter_mut().zip(&mut ends).zip(prims) {
+            // -0.0 and 0.0 are one plane, named 0.0.
+            *start = prim.start(axis) + 0.0;
+            *end = prim.end(axis) + 0.0;
+            is_any_planar |= *start == *end;
+        }
+        let (starts, ends) = (&starts[..number], &ends[..number]);
         let judge = Judge::new(cost, axis);
-        if planar.test(axis.index()) {
+        if is_any_planar {
             judge.offer_all::<true>(count, starts, ends, &mut best);
         } else {
             judge.offer_all::<false>(count, starts, ends, &mut best);
@@ -135,7 +123,7 @@ impl<'a> Judge<'a> {
     /// [`LeafCost::of`](crate::plane::LeafCost::of).
     #[inline(always)]
     fn leaf(&self, count: u32) -> f32 {
-        let blocks = (count + self.lanes - 1) * self.reciprocal >> 16;
+        let blocks = ((count + self.lanes - 1) * self.reciprocal) >> 16;
         self.cost.leaf.block * blocks.cast_signed() as f32
     }
 

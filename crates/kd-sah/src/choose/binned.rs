@@ -8,7 +8,7 @@
 //!
 //! Where we differ: a bin looks as good as the best plane that could be in it ([`promising`](crate::promising)), not
 //! as its boundaries. In buildings, where many primitives start and end in one plane, the cost dips between two
-//! boundaries that look bad, and trees by boundaries alone cost up to a tenth more.
+//! boundaries that look bad, and trees by boundaries alone cost up to a tenth more. (The best boundary competes too.)
 
 use super::Memoryless;
 use crate::bins::{self, Bins, Grid};
@@ -21,7 +21,7 @@ use crate::promising::Promising;
 const SAMPLE_ABOVE: usize = 1 << 13;
 
 /// Of so many bins an axis, one is looked into.
-const BINS_LOOKED_INTO: usize = 4;
+const BINS_PER_LOOK: usize = 4;
 
 /// Binned planes, with so many bins an axis.
 #[derive(Debug)]
@@ -33,11 +33,12 @@ impl Memoryless for Binned {
     fn plane(&self, cell: Cell<'_>, cost: &CellCost, parallel: bool) -> Option<Plane> {
         let step = step(cell.prims.len());
         let grid = Grid::new(&cell.place.tight, self.bins);
-        let chunks = bins::count(cell, &grid, step, parallel);
+        let chunks = bins::count(cell, cost.considered, &grid, step, parallel);
         let mut best = BestPlane::new(cost);
         offer_empty_cuts(&mut best, &cell.place.tight, cell.prims.len());
         let mut promising = Promising::of(&Bins::sum(&chunks), step, &grid, cost);
-        promising.limit((self.bins / BINS_LOOKED_INTO).max(2));
+        promising.offer_boundary_to(&mut best);
+        promising.limit(self.bins.div_ceil(BINS_PER_LOOK));
         promising.offer_to(&mut best, cell, &chunks, parallel);
         best.found()
     }

@@ -23,7 +23,7 @@ impl Memoryless for Exact {
             return small::best_plane(cell.prims, cost);
         }
         let grid = Grid::new(&cell.place.tight, bins_for(count));
-        let chunks = bins::count(cell, &grid, 1, parallel);
+        let chunks = bins::count(cell, cost.considered, &grid, 1, parallel);
         let mut best = BestPlane::new(cost);
         Promising::of(&Bins::sum(&chunks), 1, &grid, cost)
             .offer_to(&mut best, cell, &chunks, parallel);

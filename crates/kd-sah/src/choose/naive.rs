@@ -14,7 +14,7 @@ pub(crate) struct Naive;
 impl Memoryless for Naive {
     fn plane(&self, cell: Cell<'_>, cost: &CellCost, _: bool) -> Option<Plane> {
         let mut best = BestPlane::new(cost);
-        for axis in Axis::ALL {
+        for &axis in cost.considered {
             for prim in cell.prims {
                 for position in [prim.start(axis), prim.end(axis)] {
                     // -0.0 and 0.0 are one plane; whichever a primitive has, name it 0.0.

@@ -1,7 +1,5 @@
 //! SAH by a sweep over events sorted anew in every cell: O(N log² N) (slides; Wald and Havran 2006 §4.2).
 
-use kd_core::Axis;
-
 use super::Memoryless;
 use crate::cell::Cell;
 use crate::events::{events_of, sweep};
@@ -14,7 +12,7 @@ pub(crate) struct Resort;
 impl Memoryless for Resort {
     fn plane(&self, cell: Cell<'_>, cost: &CellCost, _: bool) -> Option<Plane> {
         let mut best = BestPlane::new(cost);
-        for axis in Axis::ALL {
+        for &axis in cost.considered {
             let mut events = events_of(cell.prims, axis);
             events.sort_unstable();
             sweep(&events, axis, (0, cell.prims.len()), 1, &mut best);

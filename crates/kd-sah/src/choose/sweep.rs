@@ -34,7 +34,7 @@ impl ChoosePlane for Sweep {
         parallel: bool,
     ) -> Option<Plane> {
         let mut best = BestPlane::new(cost);
-        for axis in Axis::ALL {
+        for &axis in cost.considered {
             let events = &kept[axis.index()];
             sweep_in_chunks(events, axis, cell.prims.len(), &mut best, parallel);
         }
