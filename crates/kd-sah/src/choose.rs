@@ -9,16 +9,18 @@ mod resort;
 mod sampled;
 mod sweep;
 
-pub(crate) use binned::Binned;
-pub(crate) use exact::Exact;
-pub(crate) use hybrid::Hybrid;
 pub(crate) use median::Median;
 pub(crate) use naive::Naive;
-pub(crate) use resort::Resort;
-pub(crate) use sampled::Sampled;
-pub(crate) use sweep::Sweep;
+
+use binned::Binned;
+use exact::Exact;
+use hybrid::Hybrid;
+use resort::Resort;
+use sampled::Sampled;
+use sweep::Sweep;
 
 use crate::cell::Cell;
+use crate::options::Method;
 use crate::plane::{CellCost, Plane};
 
 /// A way to choose planes. The driver does everything else: when to stop, dividing cells, making nodes, tasks.
@@ -75,5 +77,32 @@ impl<C: Memoryless> ChoosePlane for C {
 
     fn divide(&self, (): (), _: Cell<'_>, _: &Plane, _: [Cell<'_>; 2], _: bool) -> [(); 2] {
         [(), ()]
+    }
+}
+
+/// What is to be done with a chooser, whichever it is.
+pub(crate) trait WithChooser {
+    /// What comes of it.
+    type Outcome;
+
+    /// Does it.
+    fn with(self, chooser: &impl ChoosePlane) -> Self::Outcome;
+}
+
+/// Does `work` with the chooser of a method.
+pub(crate) fn with_chooser_of<W: WithChooser>(method: Method, work: W) -> W::Outcome {
+    let binned = |bins: u16| Binned { bins: bins.into() };
+    match method {
+        Method::Median => work.with(&Median),
+        Method::Naive => work.with(&Naive),
+        Method::Resort => work.with(&Resort),
+        Method::Sweep => work.with(&Sweep),
+        Method::Exact => work.with(&Exact),
+        Method::Binned { bins } => work.with(&binned(bins)),
+        Method::Sampled { all_axes } => work.with(&Sampled { all_axes }),
+        Method::Hybrid { bins, exact_below } => work.with(&Hybrid {
+            above: binned(bins),
+            exact_below,
+        }),
     }
 }

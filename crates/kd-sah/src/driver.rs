@@ -16,41 +16,96 @@ use crate::tasks;
 /// Cells with fewer primitives are built within one task.
 const TASK_PRIMS: usize = 1024;
 
-/// Builds the tree over all primitives of `source`. The root is the first node of the first pair.
-pub(crate) fn build<S: PrimSource, C: ChoosePlane>(
-    source: &S,
-    options: &BuildOptions,
-    watched: &Watched<'_>,
-    chooser: &C,
-    (place, prims): (Place, Vec<Prim>),
-) -> Result<Output, BuildError> {
-    let driver = Driver {
-        source,
-        chooser,
-        options,
-        watched,
-        model: &options.cost,
-        leaf_cost: LeafCost::new(&options.cost),
-        max_depth: options.depth_limit(prims.len()),
-        parallel: options.threads != 1 && tasks::threads() > 1,
-    };
-    let root = Part {
-        kept: chooser.begin(Cell {
-            place: &place,
-            prims: &prims,
-        }),
-        place,
-        allowance: Allowance {
-            bad_refines: options.bad_refines,
-            refs: options.refs_limit(prims.len()),
-            share: Share::ALL,
-        },
-    };
-    let mut worker = Worker::default();
-    worker.output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
-    let built = driver.grow_large(root, prims, &mut worker)?;
-    worker.output.pairs[0].0[0] = built.node;
-    Ok(worker.output)
+/// What a build is about.
+pub(crate) struct Task<'a, S> {
+    pub(crate) source: &'a S,
+    pub(crate) options: &'a BuildOptions,
+    pub(crate) watched: &'a Watched<'a>,
+}
+
+impl<S> Clone for Task<'_, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+/// Whatever the source is, it is only referred to.
+impl<S> Copy for Task<'_, S> {}
+
+/// The primitives of a cell, and what is known of it.
+#[derive(Debug)]
+pub(crate) struct Start {
+    pub(crate) place: Place,
+    pub(crate) prims: Vec<Prim>,
+    pub(crate) allowance: Allowance,
+    pub(crate) max_depth: u32,
+}
+
+impl Start {
+    /// All primitives.
+    pub(crate) fn root(place: Place, prims: Vec<Prim>, options: &BuildOptions) -> Self {
+        Self {
+            place,
+            allowance: Allowance {
+                bad_refines: options.bad_refines,
+                refs: options.refs_limit(prims.len()),
+                share: Share::ALL,
+            },
+            max_depth: options.depth_limit(prims.len()),
+            prims,
+        }
+    }
+}
+
+impl<S: PrimSource> Task<'_, S> {
+    /// Builds the tree over all primitives of a cell. The root is the first node of the first pair.
+    pub(crate) fn build(
+        &self,
+        chooser: &impl ChoosePlane,
+        start: Start,
+    ) -> Result<Output, BuildError> {
+        let driver = self.driver(chooser, start.max_depth);
+        let mut worker = Worker::default();
+        worker.output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
+        let (part, prims) = driver.begin(start);
+        let built = driver.grow_large(part, prims, &mut worker)?;
+        worker.output.pairs[0].0[0] = built.node;
+        Ok(worker.output)
+    }
+
+    /// Divides a cell once; gives it back if it should be a leaf.
+    pub(crate) fn divide(
+        &self,
+        chooser: &impl ChoosePlane,
+        start: Start,
+    ) -> Result<(Plane, [Start; 2]), Start> {
+        let max_depth = start.max_depth;
+        let driver = self.driver(chooser, max_depth);
+        let (part, prims) = driver.begin(start);
+        let back = |part: Part<_>, prims| Start {
+            place: part.place,
+            prims,
+            allowance: part.allowance,
+            max_depth,
+        };
+        match driver.divide(part, prims) {
+            Ok((plane, parts)) => Ok((plane, parts.map(|(part, prims)| back(part, prims)))),
+            Err((part, prims)) => Err(back(part, prims)),
+        }
+    }
+
+    fn driver<'a, C: ChoosePlane>(&'a self, chooser: &'a C, max_depth: u32) -> Driver<'a, S, C> {
+        Driver {
+            source: self.source,
+            chooser,
+            options: self.options,
+            watched: self.watched,
+            model: &self.options.cost,
+            leaf_cost: LeafCost::new(&self.options.cost),
+            max_depth,
+            parallel: self.options.threads != 1 && tasks::threads() > 1,
+        }
+    }
 }
 
 /// What building on one thread needs.
@@ -72,9 +127,15 @@ struct Part<K> {
     allowance: Allowance,
 }
 
+/// A part with a list of its own.
+type Large<K> = (Part<K>, Vec<Prim>);
+
+/// A plane and both parts, or the cell itself if it should be a leaf.
+type Divided<K> = Result<(Plane, [Large<K>; 2]), Large<K>>;
+
 /// What a cell inherits on its way down.
-#[derive(Clone, Copy)]
-struct Allowance {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Allowance {
     /// Splits that may still cost more than they save.
     bad_refines: u32,
     /// References the leaves of the cell may have together.
@@ -95,10 +156,24 @@ struct Driver<'a, S, C> {
 }
 
 impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
+    /// A cell whose ancestors this driver did not build.
+    fn begin(&self, start: Start) -> Large<C::Kept> {
+        let kept = self.chooser.begin(Cell {
+            place: &start.place,
+            prims: &start.prims,
+        });
+        let part = Part {
+            place: start.place,
+            kept,
+            allowance: start.allowance,
+        };
+        (part, start.prims)
+    }
+
     /// Builds the subtree of a cell with a list of its own; what lies below its root goes to the output.
     fn grow_large(
         &self,
-        mut part: Part<C::Kept>,
+        part: Part<C::Kept>,
         prims: Vec<Prim>,
         worker: &mut Worker,
     ) -> Result<Built, BuildError> {
@@ -110,6 +185,26 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             return self.grow_small(part, first, worker);
         }
         let place = part.place;
+        let (plane, [lower, upper]) = match self.divide(part, prims) {
+            Ok(divided) => divided,
+            Err((part, prims)) => {
+                return self.leaf(&prims, part.allowance.share, &mut worker.output);
+            }
+        };
+        let places = [lower.0.place, upper.0.place];
+        let interior = Interior::begin(&place, &places, &mut worker.output);
+        let children = if self.parallel {
+            self.grow_both(lower, upper, worker)?
+        } else {
+            let lower = self.grow_large(lower.0, lower.1, worker)?;
+            [lower, self.grow_large(upper.0, upper.1, worker)?]
+        };
+        self.finish(&interior, &plane, count, &children, &mut worker.output)
+    }
+
+    /// Divides a cell with a list of its own into two such; gives it back if it should be a leaf.
+    fn divide(&self, mut part: Part<C::Kept>, prims: Vec<Prim>) -> Divided<C::Kept> {
+        let place = part.place;
         let cell = Cell {
             place: &place,
             prims: &prims,
@@ -120,7 +215,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             Some((plane, counts, allowances))
         });
         let Some((plane, counts, allowances)) = divided else {
-            return self.leaf(&prims, part.allowance.share, &mut worker.output);
+            return Err((part, prims));
         };
         let [(lower, lower_prims), (upper, upper_prims)] =
             self.division(&place, &plane)
@@ -130,17 +225,8 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         let kept = self
             .chooser
             .divide(part.kept, cell, &plane, parts, self.parallel);
-        drop(prims);
-        let places = [lower, upper];
-        let interior = Interior::begin(&place, &places, &mut worker.output);
-        let [lower, upper] = Part::both(places, kept, allowances);
-        let children = if self.parallel {
-            self.grow_both((lower, lower_prims), (upper, upper_prims), worker)?
-        } else {
-            let lower = self.grow_large(lower, lower_prims, worker)?;
-            [lower, self.grow_large(upper, upper_prims, worker)?]
-        };
-        self.finish(&interior, &plane, count, &children, &mut worker.output)
+        let [lower, upper] = Part::both([lower, upper], kept, allowances);
+        Ok((plane, [(lower, lower_prims), (upper, upper_prims)]))
     }
 
     /// Builds the subtree of a cell whose primitives are the pending ones from `first` on, and takes them away.
@@ -235,8 +321,8 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
     /// Builds the subtrees of both parts of a large cell, possibly at the same time.
     fn grow_both(
         &self,
-        lower: (Part<C::Kept>, Vec<Prim>),
-        upper: (Part<C::Kept>, Vec<Prim>),
+        lower: Large<C::Kept>,
+        upper: Large<C::Kept>,
         worker: &mut Worker,
     ) -> Result<[Built; 2], BuildError> {
         // Locked by the lower part until it is finished. If no other thread has taken the upper part by then, it goes

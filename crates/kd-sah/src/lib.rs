@@ -45,6 +45,7 @@ mod cell;
 mod choose;
 mod driver;
 mod events;
+mod lazy;
 mod options;
 mod output;
 mod plane;
@@ -56,11 +57,14 @@ mod tasks;
 
 use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
 
+pub use lazy::{LazyNode, Opened};
 pub use options::{BuildError, BuildOptions, Method};
 pub use progress::Watch;
 
 use cell::Place;
-use choose::{Binned, Exact, Hybrid, Median, Naive, Resort, Sampled, Sweep};
+use choose::{ChoosePlane, WithChooser, with_chooser_of};
+use driver::{Start, Task};
+use output::Output;
 use prim::{Around, Prim};
 use progress::Watched;
 use tasks::CHUNK;
@@ -116,28 +120,15 @@ fn build_watched_by<S: PrimSource>(
 ) -> Result<Tree, BuildError> {
     options.check()?;
     let (output, bounds) = tasks::with_threads(options.threads, || {
-        let root = root_cell(source, options.threads != 1)?;
-        let bounds = root.0.bounds;
-        let output = match options.method {
-            Method::Median => driver::build(source, options, watched, &Median, root),
-            Method::Naive => driver::build(source, options, watched, &Naive, root),
-            Method::Resort => driver::build(source, options, watched, &Resort, root),
-            Method::Sweep => driver::build(source, options, watched, &Sweep, root),
-            Method::Exact => driver::build(source, options, watched, &Exact, root),
-            Method::Binned { bins } => {
-                let bins = bins.into();
-                driver::build(source, options, watched, &Binned { bins }, root)
-            }
-            Method::Sampled { all_axes } => {
-                driver::build(source, options, watched, &Sampled { all_axes }, root)
-            }
-            Method::Hybrid { bins, exact_below } => {
-                let above = Binned { bins: bins.into() };
-                let hybrid = Hybrid { above, exact_below };
-                driver::build(source, options, watched, &hybrid, root)
-            }
+        let (place, prims) = root_cell(source, options.threads != 1)?;
+        let task = Task {
+            source,
+            options,
+            watched,
         };
-        Ok::<_, BuildError>((output?, bounds))
+        let start = Start::root(place, prims, options);
+        let output = with_chooser_of(options.method, Build { task, start })?;
+        Ok::<_, BuildError>((output, place.bounds))
     })??;
     Ok(Tree::from_parts(
         output.pairs,
@@ -146,6 +137,20 @@ fn build_watched_by<S: PrimSource>(
         source.count(),
         options.cost,
     )?)
+}
+
+/// A whole build.
+struct Build<'a, S> {
+    task: Task<'a, S>,
+    start: Start,
+}
+
+impl<S: PrimSource> WithChooser for Build<'_, S> {
+    type Outcome = Result<Output, BuildError>;
+
+    fn with(self, chooser: &impl ChoosePlane) -> Self::Outcome {
+        self.task.build(chooser, self.start)
+    }
 }
 
 /// All primitives with their whole boxes.
