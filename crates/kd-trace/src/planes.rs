@@ -97,6 +97,7 @@ pub(crate) struct Span {
 
 impl RayPlanes {
     /// The ray must be finite with a direction, and the box not empty.
+    #[inline]
     pub(crate) fn new(ray: &Ray, bounds: &Aabb) -> Self {
         // The largest power of two not above the largest component. (f32 are normal numbers in f64, so that the
         // exponent is there to be cut out.)
@@ -158,6 +159,7 @@ impl RayPlanes {
     }
 
     /// The part of the ray's range in which it may hit something in the box; `None` if there is none.
+    #[inline]
     pub(crate) fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<Span> {
         let mut span = Span {
             enter: self.steps(ray.t_min),
