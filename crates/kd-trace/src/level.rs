@@ -81,11 +81,6 @@ impl fmt::Display for Level {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn walk_avx2<C: Collect, P: Probe>(
-    tree: &PackedTree,
-    ray: &Ray,
-    collector: &mut C,
-    probe: &mut P,
-) {
+fn walk_avx2<C: Collect, P: Probe>(tree: &PackedTree, ray: &Ray, collector: &mut C, probe: &mut P) {
     walk(tree, ray, collector, probe);
 }

@@ -164,7 +164,8 @@ impl PackedTree {
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         out.clear();
         if max > 0 {
-            self.level.walk(self, ray, &mut Ordered { max, out }, &mut ());
+            self.level
+                .walk(self, ray, &mut Ordered { max, out }, &mut ());
         }
     }
 
@@ -281,5 +282,38 @@ impl Walkable for PackedTree {
             }
         }
         ControlFlow::Continue(())
+    }
+}
+
+#[cfg(all(test, feature = "parallel"))]
+mod tests {
+    use kd_core::CostModel;
+    use kd_sah::BuildOptions;
+
+    use super::*;
+
+    /// Enough nodes for several tasks, in trees with leaves anywhere.
+    #[test]
+    fn threads_do_not_show() {
+        let spike = |i: u16| {
+            let x = f32::from(i % 97);
+            let y = f32::from(i / 97);
+            let z = f32::from(i % 13);
+            [[x, y, 0.0], [x + 1.5, y, z], [x, y + 0.5, z]]
+        };
+        let positions: Vec<[f32; 3]> = (0..20_000).flat_map(spike).collect();
+        let triangles = (0..20_000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = Mesh::new(positions, triangles).expect("valid");
+        for cost in [CostModel::PACKED, CostModel::CLASSIC] {
+            let tree = kd_sah::build(&mesh, &BuildOptions::best().with_cost(cost)).expect("valid");
+            let bytes = |packed: &PackedTree| -> Vec<u8> {
+                let blocks: &[u8] = cast_slice(&packed.blocks);
+                [cast_slice(&packed.pairs), blocks].concat()
+            };
+            let packed = PackedTree::new(&tree, &mesh);
+            assert!(packed.pairs.len() > 700, "{}", packed.pairs.len());
+            let parallel = PackedTree::new_parallel(&tree, &mesh);
+            assert!(bytes(&packed) == bytes(&parallel), "the same bytes");
+        }
     }
 }

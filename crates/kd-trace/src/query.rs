@@ -48,7 +48,12 @@ pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
 pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
     out.clear();
     if max > 0 {
-        walk(&Indexed { tree, mesh }, ray, &mut Ordered { max, out }, &mut ());
+        walk(
+            &Indexed { tree, mesh },
+            ray,
+            &mut Ordered { max, out },
+            &mut (),
+        );
     }
 }
 

@@ -179,12 +179,18 @@ impl TriangleTest {
     #[inline(always)]
     pub(crate) fn may_hit(&self, corners: &LaneCorners, triangles: usize) -> Lanes {
         let axes = self.axes();
-        let rows = corners.each_ref().map(|c| axes.map(|axis| &c[axis.index()]));
+        let rows = corners
+            .each_ref()
+            .map(|c| axes.map(|axis| &c[axis.index()]));
         let origin = axes.map(|axis| self.origin[axis.index()]);
         let mut is_left = [0_u8; LANES];
         for (lane, is_left) in is_left.iter_mut().enumerate() {
             let corners = rows.map(|[x, y, z]| {
-                [x[lane] - origin[0], y[lane] - origin[1], z[lane] - origin[2]]
+                [
+                    x[lane] - origin[0],
+                    y[lane] - origin[1],
+                    z[lane] - origin[2],
+                ]
             });
             *is_left = u8::from(!self.filter.rejects(corners));
         }
@@ -419,6 +425,39 @@ mod tests {
             if test.decide(corners, 0).is_some() {
                 prop_assert!(!test.certainly_misses(corners), "{ray:?} {corners:?}");
             }
+        }
+
+        /// Eight lanes say what one says, wherever a triangle lies among others and among padding.
+        #[test]
+        fn lanes_reject_what_one_rejects(
+            triangles in prop::collection::vec(triangle_and_target(), 1..=LANES),
+            aim in 0_usize..LANES,
+            origin in point(),
+            scale in scale(),
+        ) {
+            let target = triangles[aim % triangles.len()].1;
+            let ray = Ray::new(origin * scale, target - origin);
+            let triangles: Vec<[Vec3; 3]> = triangles.iter().map(|(c, _)| c.map(|p| p * scale)).collect();
+            if !(ray.can_hit() && triangles.iter().flatten().all(|p| p.is_finite())) {
+                return Ok(());
+            }
+            let mut lanes = [[[f32::NAN; LANES]; 3]; 3];
+            for (lane, corners) in triangles.iter().enumerate() {
+                for (rows, corner) in lanes.iter_mut().zip(corners) {
+                    for (axis, row) in rows.iter_mut().enumerate() {
+                        row[lane] = corner[axis];
+                    }
+                }
+            }
+            let reach = triangles.iter().map(|corners| reach(&ray, *corners)).fold(0.0, f32::max);
+            let test = TriangleTest::new(&ray, reach);
+            let left: Vec<usize> = test.may_hit(&lanes, triangles.len()).collect();
+            let one_by_one = (0..triangles.len()).filter(|i| !test.certainly_misses(triangles[*i]));
+            prop_assert_eq!(&left, &one_by_one.collect::<Vec<_>>());
+            for (lane, corners) in triangles.iter().enumerate() {
+                prop_assert!(left.contains(&lane) || test.decide(*corners, 0).is_none(), "{ray:?} {corners:?}");
+            }
+            prop_assert!(test.decide([Vec3::NAN; 3], 0).is_none(), "padding");
         }
 
         /// A corner has one value and an edge one sign, so winding and order cannot matter.
