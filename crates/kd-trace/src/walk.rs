@@ -59,7 +59,9 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
     };
     let test = TriangleTest::new(ray, planes.reach());
     let nodes = tree.nodes();
-    // A valid tree has at most MAX_DEPTH nodes on a path that leave something behind.
+    // A valid tree has at most MAX_DEPTH nodes on a path that leave something behind. (Tried, 2026-11-24: no checks of
+    // bounds in this loop, no difference; a `SmallVec`, 2 to 20 % slower. Not clearing the stack would gain 2 %, and is
+    // not worth `unsafe`.)
     let mut stack = [Pending::default(); MAX_DEPTH];
     let mut pending = 0;
     let mut node = nodes[tree.root().index()];
