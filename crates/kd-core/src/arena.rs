@@ -77,6 +77,15 @@ pub enum TreeError {
         /// The children.
         child: NodeIndex,
     },
+    /// The leaves together have more references than there are, so some of them share references, where each should
+    /// have its own.
+    #[error("leaves have {used} references, but there are only {refs}")]
+    SharedRefs {
+        /// The sum over all leaves.
+        used: u64,
+        /// How many there are.
+        refs: usize,
+    },
     /// Fewer triangles than a segment that is frozen already may refer to.
     #[error("{slots} triangles, but frozen segments refer to as many as {frozen}")]
     FewerSlots {

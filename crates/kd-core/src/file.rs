@@ -264,7 +264,7 @@ mod tests {
             vec![Slot(0), Slot(1)],
             mesh.bounds(),
             2,
-            CostModel::SCALAR,
+            CostModel::PACKED,
         );
         (mesh, tree.expect("valid"))
     }

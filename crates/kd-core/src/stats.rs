@@ -39,6 +39,8 @@ pub struct TreeStats {
     pub node_bytes: usize,
     /// Bytes of references.
     pub reference_bytes: usize,
+    /// Bytes of what was derived from the tree and its mesh to trace faster, if there is any.
+    pub packed_bytes: Option<usize>,
 }
 
 /// Leaf sizes up to this one have a bucket of their own.
@@ -61,6 +63,7 @@ impl TreeStats {
             sah_cost_own: 0.0,
             node_bytes: tree.bytes() - reference_bytes,
             reference_bytes,
+            packed_bytes: None,
         };
         Walk {
             tree,
@@ -79,6 +82,13 @@ impl TreeStats {
         self
     }
 
+    /// The same statistics with the bytes of packed leaves filled in.
+    #[must_use]
+    pub fn with_packed_bytes(mut self, packed_bytes: usize) -> Self {
+        self.packed_bytes = Some(packed_bytes);
+        self
+    }
+
     /// References per triangle; 0 without triangles.
     pub fn refs_per_triangle(&self) -> f64 {
         if self.triangles == 0 {
@@ -88,7 +98,7 @@ impl TreeStats {
         }
     }
 
-    /// Bytes of the tree, without the mesh.
+    /// Bytes of the tree, without the mesh and without packed leaves.
     pub fn bytes_total(&self) -> usize {
         self.node_bytes + self.reference_bytes
     }
@@ -188,6 +198,10 @@ impl fmt::Display for TreeStats {
             "  per triangle   {:>12.1}",
             per_triangle(self.bytes_total())
         )?;
+        if let Some(packed) = self.packed_bytes {
+            writeln!(f, "packed bytes     {packed:>12}")?;
+            writeln!(f, "  per triangle   {:>12.1}", per_triangle(packed))?;
+        }
         write!(f, "leaves by depth  ")?;
         write_histogram(f, &self.leaves_by_depth, |depth| depth.to_string())?;
         write!(f, "leaves by size   ")?;

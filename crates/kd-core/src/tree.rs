@@ -27,7 +27,7 @@ impl Tree {
     /// Indices in `pairs` and `refs` count from 0; the root is the first node of the first pair, the other node of
     /// that pair is not used. `slots` is the number of triangles, `bounds` the box around them, and `cost` the model
     /// the tree was built for. Each node has one parent at most, so that a walk ends after as many steps as there are
-    /// nodes. Linear in the number of nodes and references.
+    /// nodes, and leaves do not share references, so that what is derived from the tree is not much larger. Linear in the number of nodes and references.
     ///
     /// # Errors
     ///
@@ -45,6 +45,7 @@ impl Tree {
         let mut arena = Arena::from_vecs(pairs, refs)?;
         arena.freeze(slots)?;
         refuse_shared_children(arena.nodes())?;
+        refuse_shared_refs(arena.nodes(), arena.refs().len())?;
         Self::from_arena(arena, NodeIndex(0), bounds, cost)
     }
 
@@ -236,6 +237,16 @@ fn refuse_shared_children(nodes: &[Node]) -> Result<(), TreeError> {
     Ok(())
 }
 
+/// A few leaves that all name the same long list would make a small file a large structure.
+fn refuse_shared_refs(nodes: &[Node], refs: usize) -> Result<(), TreeError> {
+    let leaves = nodes.iter().filter(|node| node.is_leaf());
+    let used = leaves.map(|leaf| u64::from(leaf.count())).sum();
+    if used > refs as u64 {
+        return Err(TreeError::SharedRefs { used, refs });
+    }
+    Ok(())
+}
+
 /// The part of a polygon where `sign * coordinate <= sign * plane`.
 ///
 /// Deliberately not the clipping that builders use: an oracle should not share their mistakes.
@@ -377,5 +388,24 @@ mod tests {
             child: NodeIndex(4),
         };
         assert_eq!(error, Some(expected), "the second parent");
+    }
+
+    /// A thousand leaves that name the same thousand triangles would pack to a million.
+    #[test]
+    fn a_parts_list_with_shared_references_is_refused() {
+        let unit = Aabb::around([glam::Vec3::ZERO, glam::Vec3::ONE]);
+        let root = Node::interior(Axis::X, 0.5, NodeIndex(2)).expect("small");
+        let parts = |second| {
+            let leaf = |first| Node::leaf(first, 2).expect("small");
+            let pairs = vec![
+                Pair([root, Node::EMPTY_LEAF]),
+                Pair([leaf(0), leaf(second)]),
+            ];
+            let refs = vec![Slot(0); 2 + second as usize];
+            Tree::from_parts(pairs, refs, unit, 1, CostModel::CLASSIC).err()
+        };
+        let expected = TreeError::SharedRefs { used: 4, refs: 3 };
+        assert_eq!(parts(1), Some(expected), "one of them twice");
+        assert_eq!(parts(2), None, "each its own");
     }
 }

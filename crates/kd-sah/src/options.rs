@@ -81,7 +81,7 @@ impl BuildOptions {
     pub const fn balanced() -> Self {
         Self {
             method: Method::Exact,
-            cost: CostModel::SCALAR,
+            cost: CostModel::PACKED,
             max_depth: None,
             max_refs: None,
             small_leaf: 6,

@@ -45,16 +45,20 @@
 //! The mesh given to a query must be the one that the tree was built from.
 //!
 //! [`Ray::can_hit`]: kd_core::Ray::can_hit
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod brute_force;
 mod collect;
 mod float;
+mod level;
+mod packed;
 mod planes;
 mod probe;
 mod query;
 mod triangle;
 mod walk;
 
+pub use level::Level;
+pub use packed::PackedTree;
 pub use probe::TraversalCounts;
 pub use query::{hits, intersect, intersect_counted, occluded};

@@ -6,6 +6,8 @@ pub(crate) trait Probe {
     fn node(&mut self) {}
     /// A leaf was visited, so many triangles are looked at.
     fn leaf(&mut self, _triangles: u32) {}
+    /// A block of triangles is looked at at once.
+    fn block(&mut self) {}
     /// A triangle was not rejected early.
     fn decision(&mut self) {}
 }
@@ -21,6 +23,8 @@ pub struct TraversalCounts {
     pub leaves: u32,
     /// Triangles looked at, the same one in several leaves counting anew.
     pub triangles: u32,
+    /// Blocks of up to eight triangles looked at together; 0 where triangles are looked at one by one.
+    pub blocks: u32,
     /// Triangles among them that the quick test in f32 did not reject.
     pub decisions: u32,
 }
@@ -33,6 +37,10 @@ impl Probe for TraversalCounts {
     fn leaf(&mut self, triangles: u32) {
         self.leaves += 1;
         self.triangles += triangles;
+    }
+
+    fn block(&mut self) {
+        self.blocks += 1;
     }
 
     fn decision(&mut self) {

@@ -1,10 +1,14 @@
-//! The queries.
+//! The queries on a tree and its mesh, triangle by triangle. [`PackedTree`](crate::PackedTree) has the same ones,
+//! faster; these need nothing prepared.
 
-use kd_core::{Hit, Mesh, Ray, Tree};
+use std::ops::ControlFlow;
 
-use crate::collect::{Any, Closest, Ordered};
-use crate::probe::TraversalCounts;
-use crate::walk::walk;
+use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Ray, Tree};
+
+use crate::collect::{Any, Closest, Collect, Ordered};
+use crate::probe::{Probe, TraversalCounts};
+use crate::triangle::TriangleTest;
+use crate::walk::{Walkable, walk};
 
 /// The closest hit, the lower triangle among equals, or `None`.
 ///
@@ -17,7 +21,7 @@ use crate::walk::walk;
 /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
 pub fn intersect(tree: &Tree, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
     let mut closest = Closest::default();
-    walk(tree, mesh, ray, &mut closest, &mut ());
+    walk(&Indexed { tree, mesh }, ray, &mut closest, &mut ());
     closest.0
 }
 
@@ -28,7 +32,7 @@ pub fn intersect(tree: &Tree, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
 /// As [`intersect`].
 pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
     let mut any = Any::default();
-    walk(tree, mesh, ray, &mut any, &mut ());
+    walk(&Indexed { tree, mesh }, ray, &mut any, &mut ());
     any.0
 }
 
@@ -44,7 +48,12 @@ pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
 pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
     out.clear();
     if max > 0 {
-        walk(tree, mesh, ray, &mut Ordered { max, out }, &mut ());
+        walk(
+            &Indexed { tree, mesh },
+            ray,
+            &mut Ordered { max, out },
+            &mut (),
+        );
     }
 }
 
@@ -56,6 +65,50 @@ pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>)
 pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
     let mut closest = Closest::default();
     let mut counts = TraversalCounts::default();
-    walk(tree, mesh, ray, &mut closest, &mut counts);
+    walk(&Indexed { tree, mesh }, ray, &mut closest, &mut counts);
     (closest.0, counts)
+}
+
+/// Leaves are lists of triangles of the mesh.
+struct Indexed<'a> {
+    tree: &'a Tree,
+    mesh: &'a Mesh,
+}
+
+impl Walkable for Indexed<'_> {
+    #[inline]
+    fn bounds(&self) -> Aabb {
+        self.tree.bounds()
+    }
+
+    #[inline]
+    fn root(&self) -> NodeIndex {
+        self.tree.root()
+    }
+
+    #[inline]
+    fn nodes(&self) -> &[Node] {
+        self.tree.nodes()
+    }
+
+    #[inline]
+    fn visit<C: Collect, P: Probe>(
+        &self,
+        leaf: Node,
+        test: &TriangleTest,
+        collector: &mut C,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        for &slot in self.tree.leaf_refs(leaf) {
+            let corners = self.mesh.corners(slot.0);
+            if test.certainly_misses(corners) {
+                continue;
+            }
+            probe.decision();
+            if let Some(hit) = test.decide(corners, slot.0) {
+                collector.take(hit)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
 }

@@ -94,7 +94,7 @@ pub use kd_core::{
 pub use kd_sah::{BuildError, BuildOptions, Method};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
-pub use kd_trace::TraversalCounts;
+pub use kd_trace::{Level, PackedTree, TraversalCounts};
 pub use tree::KdTree;
 
 /// For trees over other things than triangles: implement [`PrimSource`](custom::PrimSource), and

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use kd_core::{FileError, Hit, Mesh, Node, Ray, Tree, TreeStats};
 use kd_sah::{BuildError, BuildOptions};
-use kd_trace::TraversalCounts;
+use kd_trace::{Level, PackedTree, TraversalCounts};
 
 /// A kd-tree over a mesh, ready to trace. Queries take `&self` and may run on any number of threads.
 ///
@@ -20,10 +20,11 @@ use kd_trace::TraversalCounts;
 pub struct KdTree {
     mesh: Arc<Mesh>,
     tree: Tree,
+    packed: PackedTree,
 }
 
 impl KdTree {
-    /// Builds a tree over a mesh, by default on all cores.
+    /// Builds a tree over a mesh and packs its leaves, by default on all cores.
     ///
     /// The same mesh and options give the same tree, bit for bit, whatever the number of threads. An empty mesh gives
     /// a tree that nothing hits.
@@ -34,7 +35,21 @@ impl KdTree {
     pub fn build(mesh: impl Into<Arc<Mesh>>, options: &BuildOptions) -> Result<Self, BuildError> {
         let mesh = mesh.into();
         let tree = kd_sah::build(&*mesh, options)?;
-        Ok(Self { mesh, tree })
+        let one_thread = *options == options.clone().with_threads(1);
+        let packed = if one_thread {
+            PackedTree::new(&tree, &mesh)
+        } else {
+            packed(&tree, &mesh)
+        };
+        Ok(Self { mesh, tree, packed })
+    }
+
+    /// The same tree, traced with other instructions than the fastest there are. Answers are the same; for tests and
+    /// measurements.
+    #[must_use]
+    pub fn with_level(self, level: Level) -> Self {
+        let packed = self.packed.with_level(level);
+        Self { packed, ..self }
     }
 
     /// Writes the mesh and the tree to a file that [`load`](Self::load) reads, the same bytes on every platform.
@@ -78,26 +93,28 @@ impl KdTree {
             Err(source) => return Err(FileError::Io { file, source }),
         };
         let (mesh, tree) = kd_core::read_tree(&bytes, &file)?;
+        let packed = packed(&tree, &mesh);
         Ok(Self {
             mesh: Arc::new(mesh),
             tree,
+            packed,
         })
     }
 
     /// The closest hit with `t_min <= t <= t_max`, both sides of a triangle alike.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        kd_trace::intersect(&self.tree, &self.mesh, ray)
+        self.packed.intersect(ray)
     }
 
     /// Whether there is any hit with `t_min <= t <= t_max`: [`intersect`](Self::intersect)`.is_some()`, sooner.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        kd_trace::occluded(&self.tree, &self.mesh, ray)
+        self.packed.occluded(ray)
     }
 
     /// The first `max` hits along the ray, in order, each triangle once. `out` is cleared first; reuse it to save
     /// allocations.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        kd_trace::hits(&self.tree, &self.mesh, ray, max, out);
+        self.packed.hits(ray, max, out);
     }
 
     /// The closest hit of each ray, equal to single calls. Today it is a loop over them.
@@ -126,7 +143,7 @@ impl KdTree {
 
     /// [`intersect`](Self::intersect), and what it took: for heat maps and for finding what limits speed.
     pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        kd_trace::intersect_counted(&self.tree, &self.mesh, ray)
+        self.packed.intersect_counted(ray)
     }
 
     /// Counts, histograms, costs and sizes; linear in the number of nodes.
@@ -134,6 +151,7 @@ impl KdTree {
         self.tree
             .stats()
             .with_zero_area(self.mesh.zero_area_count())
+            .with_packed_bytes(self.packed.bytes())
     }
 
     /// The nodes, root first; child indices refer to this slice.
@@ -146,10 +164,27 @@ impl KdTree {
         &self.mesh
     }
 
+    /// The tree with its leaves packed, which answers all queries.
+    pub fn packed(&self) -> &PackedTree {
+        &self.packed
+    }
+
     /// The tree without its mesh, for the functions of the crates below.
     pub fn tree(&self) -> &Tree {
         &self.tree
     }
+}
+
+/// Packed leaves on the threads of the pool in scope.
+#[cfg(feature = "parallel")]
+fn packed(tree: &Tree, mesh: &Mesh) -> PackedTree {
+    PackedTree::new_parallel(tree, mesh)
+}
+
+/// Packed leaves.
+#[cfg(not(feature = "parallel"))]
+fn packed(tree: &Tree, mesh: &Mesh) -> PackedTree {
+    PackedTree::new(tree, mesh)
 }
 
 #[cfg(test)]

@@ -5,17 +5,18 @@ use kd_core::{Aabb, Axis, CostModel, Mesh, Node, NodeIndex, Pair, Ray, Slot, Tre
 use kd_sah::{BuildOptions, build};
 use kd_trace::{brute_force, hits, intersect, intersect_counted, occluded};
 
-use crate::check::{check, source};
+use crate::check::{Subject, check, source};
 use crate::random_tree::random_tree;
 use crate::rng::Rng;
 use crate::scenes::{self, Soup};
 
 const INFINITY: f32 = f32::INFINITY;
 
-fn trees(mesh: &Mesh) -> Vec<Tree> {
+fn trees(mesh: &Mesh) -> Vec<Subject> {
     let mut trees = vec![build(mesh, &BuildOptions::best()).expect("valid")];
     trees.extend((20..23).map(|seed| random_tree(mesh, seed)));
-    trees
+    let subject = |tree| Subject::new(mesh, tree);
+    trees.into_iter().map(subject).collect()
 }
 
 /// The square [0, 2]² at z = 0, two triangles.
@@ -84,11 +85,8 @@ fn no_triangles_no_hits() {
     .expect("valid");
     let built = build(&mesh, &BuildOptions::default()).expect("valid");
     let ray = Ray::new([0.0; 3], [1.0; 3]);
-    assert_eq!(
-        check("empty", &mesh, &[empty, built], &ray),
-        0,
-        "nothing there"
-    );
+    let trees = [empty, built].map(|tree| Subject::new(&mesh, tree));
+    assert_eq!(check("empty", &mesh, &trees, &ray), 0, "nothing there");
 }
 
 #[test]
@@ -345,14 +343,15 @@ fn a_hit_beside_its_triangle_is_found() {
         let interior = |axis: usize, split, first| {
             Node::interior(Axis::ALL[axis % 3], split, NodeIndex(first)).expect("small")
         };
-        let leaf = Node::leaf(0, 1).expect("small");
+        let leaf = |first| Node::leaf(first, 1).expect("small");
         let pairs = vec![
             Pair([interior(axis, 9e-9, 2), Node::EMPTY_LEAF]),
-            Pair([leaf, interior(axis + 1, 5e-9, 4)]),
-            Pair([Node::EMPTY_LEAF, leaf]),
+            Pair([leaf(0), interior(axis + 1, 5e-9, 4)]),
+            Pair([Node::EMPTY_LEAF, leaf(1)]),
         ];
-        let tree = Tree::from_parts(pairs, vec![Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC);
-        let tree = tree.expect("valid");
+        let refs = vec![Slot(0); 2];
+        let tree = Tree::from_parts(pairs, refs, mesh.bounds(), 1, CostModel::CLASSIC);
+        let tree = Subject::new(&mesh, tree.expect("valid"));
         assert_eq!(tree.check_coverage(&mesh), Ok(()), "nothing is missing");
         for sign in [1.0, -1.0] {
             let ray = Ray::new(turned(1.4e-8, 0.0, -3.0 * sign), turned(0.0, 0.0, sign));
@@ -368,7 +367,7 @@ fn the_filter_is_worth_having() {
     let slots: Vec<Slot> = (0..250).map(Slot).collect();
     let leaf = Pair([Node::leaf(0, 250).expect("small"), Node::EMPTY_LEAF]);
     let tree = Tree::from_parts(vec![leaf], slots, mesh.bounds(), 250, CostModel::CLASSIC);
-    let tree = tree.expect("valid");
+    let tree = Subject::new(&mesh, tree.expect("valid"));
     let mut rng = Rng(15);
     let (mut hit, mut decided) = (0, 0);
     for _ in 0..1000 {

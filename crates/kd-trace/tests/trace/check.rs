@@ -1,29 +1,68 @@
 //! The one place that compares a ray's answers.
 
-use kd_core::{Hit, Mesh, Ray, Tree};
-use kd_trace::brute_force;
+use std::ops::Deref;
 
-/// Asks every query about a ray, in each of the trees, and expects what brute force says. Gives the number of hits.
+use kd_core::{Hit, Mesh, Ray, Tree};
+use kd_trace::{Level, PackedTree, brute_force};
+
+/// A tree and every way to trace it.
+pub(crate) struct Subject {
+    tree: Tree,
+    packed: [PackedTree; 2],
+}
+
+impl Subject {
+    pub(crate) fn new(mesh: &Mesh, tree: Tree) -> Self {
+        let packed = PackedTree::new(&tree, mesh);
+        let portable = packed.clone().with_level(Level::portable());
+        Self {
+            tree,
+            packed: [packed, portable],
+        }
+    }
+}
+
+impl Deref for Subject {
+    type Target = Tree;
+
+    fn deref(&self) -> &Tree {
+        &self.tree
+    }
+}
+
+/// Asks every query about a ray, in each of the trees and in every way, and expects what brute force says. Gives the
+/// number of hits.
 #[track_caller]
 pub(crate) fn check<'a>(
     scene: &str,
     mesh: &Mesh,
-    trees: impl IntoIterator<Item = &'a Tree>,
+    trees: impl IntoIterator<Item = &'a Subject>,
     ray: &Ray,
 ) -> usize {
     let mut expected = Vec::new();
     brute_force::hits(mesh, ray, usize::MAX, &mut expected);
     let mut found = Vec::new();
-    for (number, tree) in trees.into_iter().enumerate() {
-        let place = || format!("{scene}, tree {number}, {}", source(ray));
+    for (number, subject) in trees.into_iter().enumerate() {
+        let place = |way: &str| format!("{scene}, tree {number}, {way}: {}", source(ray));
+        let tree = &subject.tree;
         let closest = kd_trace::intersect(tree, mesh, ray);
-        assert_eq!(closest, expected.first().copied(), "closest: {}", place());
+        assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
         let occluded = kd_trace::occluded(tree, mesh, ray);
-        assert_eq!(occluded, !expected.is_empty(), "any: {}", place());
+        assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
         for max in [2, usize::MAX] {
             kd_trace::hits(tree, mesh, ray, max, &mut found);
             let first = &expected[..max.min(expected.len())];
-            assert_eq!(found, first, "first {max}: {}", place());
+            assert_eq!(found, first, "{}", place("first hits"));
+        }
+        for packed in &subject.packed {
+            let place = |way: &str| place(&format!("packed, {}, {way}", packed.level()));
+            let closest = packed.intersect(ray);
+            assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
+            let occluded = packed.occluded(ray);
+            assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
+            packed.hits(ray, 2, &mut found);
+            let first = &expected[..expected.len().min(2)];
+            assert_eq!(found, first, "{}", place("first hits"));
         }
     }
     expected.len()

@@ -3,6 +3,7 @@
 mod adversarial;
 mod check;
 mod oracle;
+mod packed;
 mod properties;
 mod random_tree;
 mod rays;

@@ -1,9 +1,9 @@
 //! Every query in every tree is equal to brute force, bit for bit.
 
-use kd_core::{Mesh, Tree};
+use kd_core::Mesh;
 use kd_sah::{BuildOptions, Method, build};
 
-use crate::check::check;
+use crate::check::{Subject, check};
 use crate::random_tree::random_tree;
 use crate::rays::Rays;
 use crate::scenes;
@@ -15,13 +15,14 @@ fn check_scene(name: &str, mesh: &Mesh, rays: usize) {
     let median = BuildOptions::default()
         .with_method(Method::Median)
         .with_max_depth(9);
-    let best = build(mesh, &BuildOptions::best()).expect("valid");
-    let bad = [
+    let trees = [
+        build(mesh, &BuildOptions::best()).expect("valid"),
         random_tree(mesh, 1),
         build(mesh, &median).expect("valid"),
         random_tree(mesh, 2),
-    ];
-    for tree in bad.iter().chain([&best]) {
+    ]
+    .map(|tree| Subject::new(mesh, tree));
+    for tree in &trees {
         let coverage = tree.check_coverage(mesh);
         assert_eq!(
             coverage,
@@ -29,11 +30,11 @@ fn check_scene(name: &str, mesh: &Mesh, rays: usize) {
             "{name}: bad or good, but nothing is missing"
         );
     }
-    let all: Vec<Tree> = bad.iter().chain([&best]).cloned().collect();
-    let mut source = Rays::new(mesh, &all, 9);
+    let [best, bad @ ..] = &trees;
+    let mut source = Rays::new(mesh, &trees, 9);
     let mut hit = 0;
     for number in 0..rays {
-        let trees = [&best, &bad[number % bad.len()]];
+        let trees = [best, &bad[number % bad.len()]];
         hit += usize::from(check(name, mesh, trees, &source.next()) > 0);
     }
     assert!(10 * hit >= 3 * rays, "{name}: {hit} of {rays} rays hit");

@@ -5,7 +5,7 @@ use kd_core::{Mesh, Ray};
 use kd_sah::{BuildOptions, build};
 use proptest::prelude::*;
 
-use crate::check::check;
+use crate::check::{Subject, check};
 use crate::random_tree::random_tree;
 use crate::rays::Rays;
 use crate::scenes::Soup;
@@ -56,7 +56,8 @@ proptest! {
             build(&mesh, &BuildOptions::best()).expect("valid"),
             random_tree(&mesh, seed),
             random_tree(&mesh, seed ^ 1),
-        ];
+        ]
+        .map(|tree| Subject::new(&mesh, tree));
         let mut rays = Rays::new(&mesh, &trees, seed);
         for _ in 0..60 {
             check("random", &mesh, &trees, &rays.next());
@@ -70,7 +71,8 @@ proptest! {
         direction in point(),
         range in [coordinate(), coordinate()],
     ) {
-        let trees = [build(&mesh, &BuildOptions::best()).expect("valid"), random_tree(&mesh, 1)];
+        let trees = [build(&mesh, &BuildOptions::best()).expect("valid"), random_tree(&mesh, 1)]
+            .map(|tree| Subject::new(&mesh, tree));
         let ray = Ray::new(origin, direction);
         for ray in [ray, ray.with_range(range[0], range[1])] {
             check("random", &mesh, &trees, &ray);

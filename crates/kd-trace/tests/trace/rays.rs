@@ -1,8 +1,9 @@
 //! Rays that ask for trouble.
 
 use glam::Vec3;
-use kd_core::{Mesh, Node, NodeView, Ray, Tree};
+use kd_core::{Mesh, Node, NodeView, Ray};
 
+use crate::check::Subject;
 use crate::rng::Rng;
 
 /// Makes rays around one mesh and the planes of its trees.
@@ -14,7 +15,7 @@ pub(crate) struct Rays<'a> {
 }
 
 impl<'a> Rays<'a> {
-    pub(crate) fn new(mesh: &'a Mesh, trees: &[Tree], seed: u64) -> Self {
+    pub(crate) fn new(mesh: &'a Mesh, trees: &[Subject], seed: u64) -> Self {
         let planes = trees
             .iter()
             .flat_map(|tree| tree.nodes().iter().copied().map(Node::view))

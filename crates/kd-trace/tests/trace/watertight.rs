@@ -1,10 +1,10 @@
 //! Nothing gets out of a closed mesh.
 
 use glam::Vec3;
-use kd_core::{Mesh, Ray, Tree};
+use kd_core::{Mesh, Ray};
 use kd_sah::{BuildOptions, build};
 
-use crate::check::{check, source};
+use crate::check::{Subject, check, source};
 use crate::random_tree::random_tree;
 use crate::rng::Rng;
 use crate::scenes;
@@ -15,7 +15,8 @@ fn check_closed(name: &str, mesh: &Mesh, origins: &[Vec3]) {
     let trees = [
         build(mesh, &BuildOptions::default()).expect("valid"),
         random_tree(mesh, 3),
-    ];
+    ]
+    .map(|tree| Subject::new(mesh, tree));
     let mut rng = Rng(10);
     let mut rays = 0;
     for &origin in origins {
@@ -34,7 +35,7 @@ fn check_closed(name: &str, mesh: &Mesh, origins: &[Vec3]) {
 
 /// From inside, the ray hits, in both directions.
 #[track_caller]
-fn check_inside(name: &str, mesh: &Mesh, trees: &[Tree], ray: &Ray) {
+fn check_inside(name: &str, mesh: &Mesh, trees: &[Subject], ray: &Ray) {
     let back = ray.with_range(f32::NEG_INFINITY, 0.0);
     for ray in [ray, &back] {
         let hits = check(name, mesh, trees, ray);

@@ -1,0 +1,86 @@
+//! Which instructions a walk over packed leaves uses: the one place with `unsafe` code.
+//!
+//! The walk is written once, without intrinsics: loops over eight lanes, which the compiler turns into vector
+//! instructions of whatever the function around them may use. So the only thing to decide is in which function the walk
+//! is instantiated, and what it computes is the same everywhere: no level has fused multiply-adds, and the operations
+//! that are left round alike in all.
+#![allow(
+    unsafe_code,
+    reason = "calls a function compiled for AVX2, once it is known that the processor has it"
+)]
+
+use std::fmt;
+
+use kd_core::Ray;
+
+use crate::collect::Collect;
+use crate::packed::PackedTree;
+use crate::probe::Probe;
+use crate::walk::walk;
+
+/// A set of instructions to trace with. All give the same answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Level(Instructions);
+
+/// Private, so that [`Avx2`](Self::Avx2) is only ever made by detection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Instructions {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Level {
+    /// The fastest that this processor has: AVX2 on x86-64, otherwise [`portable`](Self::portable).
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return Self(Instructions::Avx2);
+        }
+        Self::portable()
+    }
+
+    /// What the whole program was compiled for. To compare with, in tests and measurements.
+    pub const fn portable() -> Self {
+        Self(Instructions::Portable)
+    }
+
+    /// As the bench records it: `portable`, `avx2`.
+    pub const fn name(self) -> &'static str {
+        match self.0 {
+            Instructions::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => "avx2",
+        }
+    }
+
+    /// [`walk`] over packed leaves, compiled for this level as a whole, so that the tests of the leaves become a part of
+    /// the loop.
+    #[inline]
+    pub(crate) fn walk<C: Collect, P: Probe>(
+        self,
+        tree: &PackedTree,
+        ray: &Ray,
+        collector: &mut C,
+        probe: &mut P,
+    ) {
+        match self.0 {
+            Instructions::Portable => walk(tree, ray, collector, probe),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `detect` alone makes this value, and only where the processor has AVX2.
+            Instructions::Avx2 => unsafe { walk_avx2(tree, ray, collector, probe) },
+        }
+    }
+}
+
+impl fmt::Display for Level {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn walk_avx2<C: Collect, P: Probe>(tree: &PackedTree, ray: &Ray, collector: &mut C, probe: &mut P) {
+    walk(tree, ray, collector, probe);
+}

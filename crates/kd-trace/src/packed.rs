@@ -1,0 +1,319 @@
+//! Triangles of a leaf side by side, ready for vector instructions.
+//!
+//! ```text
+//!             word 0 (u32)            word 1 (u32)
+//! interior    as in the tree
+//! leaf        index of first block    number of triangles << 2 | 3
+//!
+//! block       9 x 8 f32   corner a: x of 8 triangles, y, z; corner b; corner c
+//!             8 x u32     their numbers
+//! ```
+//! The triangles of a leaf fill its blocks in order, the last one perhaps in part. All of it is derived from a tree and
+//! its mesh, and holds copies: neither is needed to trace.
+
+use std::ops::ControlFlow;
+
+use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
+use glam::Vec3;
+use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, Tree};
+
+use crate::Level;
+use crate::collect::{Any, Closest, Collect, Ordered};
+use crate::probe::{Probe, TraversalCounts};
+use crate::triangle::{LANES, LaneCorners, TriangleTest};
+use crate::walk::Walkable;
+
+/// Up to eight triangles of a leaf. Five cache lines.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Block {
+    corners: LaneCorners,
+    triangles: [u32; LANES],
+}
+
+const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
+
+impl Block {
+    /// No triangles: whatever looks at a corner that is NaN finds no hit.
+    const EMPTY: Self = Self {
+        corners: [[[f32::NAN; LANES]; 3]; 3],
+        triangles: [u32::MAX; LANES],
+    };
+
+    fn set(&mut self, lane: usize, triangle: u32, mesh: &Mesh) {
+        for (rows, corner) in self.corners.iter_mut().zip(mesh.corners(triangle)) {
+            for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
+                row[lane] = coordinate;
+            }
+        }
+        self.triangles[lane] = triangle;
+    }
+
+    fn corners_of(&self, lane: usize) -> [Vec3; 3] {
+        self.corners
+            .each_ref()
+            .map(|rows| Vec3::from_array(rows.each_ref().map(|row| row[lane])))
+    }
+}
+
+/// A tree with the triangles of its leaves packed in blocks of eight: what to trace where speed matters.
+///
+/// Every answer equals that of the functions that take the [`Tree`] and its mesh, and so that of
+/// [`brute_force`](crate::brute_force), to the bit and at every [`Level`].
+///
+/// Memory: 8 bytes a node and 320 bytes a block, of which a leaf of `n` triangles has `n / 8`, rounded up. A tree built
+/// for a [`CostModel`](kd_core::CostModel) of 8 lanes, such as [`PACKED`](kd_core::CostModel::PACKED), fills them best.
+#[derive(Clone, Debug)]
+pub struct PackedTree {
+    pairs: Vec<Pair>,
+    blocks: Vec<Block>,
+    root: NodeIndex,
+    bounds: Aabb,
+    level: Level,
+}
+
+/// A part of a tree's nodes, the same nodes packed, and the blocks that their leaves name.
+struct Part<'a> {
+    sources: &'a [Node],
+    nodes: &'a [Node],
+    blocks: &'a mut [Block],
+}
+
+impl PackedTree {
+    /// Packs the leaves of a tree over `mesh` on the calling thread, for the fastest [`Level`] of this processor.
+    ///
+    /// Linear in the number of nodes and references of the tree's arena. A leaf that is a copy of another gets blocks of
+    /// its own.
+    ///
+    /// # Panics
+    ///
+    /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
+    pub fn new(tree: &Tree, mesh: &Mesh) -> Self {
+        Self::filled_by(tree, |part| part.fill(tree, mesh))
+    }
+
+    /// [`new`](Self::new) on the threads of the pool in scope (rayon's). The result is the same.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    #[cfg(feature = "parallel")]
+    pub fn new_parallel(tree: &Tree, mesh: &Mesh) -> Self {
+        Self::filled_by(tree, |part| part.fill_parallel(tree, mesh))
+    }
+
+    fn filled_by(tree: &Tree, fill: impl FnOnce(Part<'_>)) -> Self {
+        let mut pairs: Vec<Pair> = bytemuck::pod_collect_to_vec(tree.nodes());
+        let mut count = 0_u32;
+        for node in cast_slice_mut::<Pair, Node>(&mut pairs) {
+            if node.is_leaf() {
+                let triangles = node.count();
+                *node = Node::leaf(count, triangles).expect("a leaf's count fits a leaf");
+                count = count
+                    .checked_add(triangles.div_ceil(LANES as u32))
+                    .expect("32 bits count references, and a block holds at least one");
+            }
+        }
+        // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
+        let mut blocks = bytemuck::zeroed_vec(count as usize);
+        fill(Part {
+            sources: tree.nodes(),
+            nodes: cast_slice(&pairs),
+            blocks: &mut blocks,
+        });
+        Self {
+            pairs,
+            blocks,
+            root: tree.root(),
+            bounds: tree.bounds(),
+            level: Level::detect(),
+        }
+    }
+
+    /// The same tree, traced at another level.
+    #[must_use]
+    pub fn with_level(self, level: Level) -> Self {
+        Self { level, ..self }
+    }
+
+    /// The level it is traced at.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Bytes of nodes and blocks.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.pairs.as_slice()) + size_of_val(self.blocks.as_slice())
+    }
+
+    /// As [`intersect`](crate::intersect).
+    pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let mut closest = Closest::default();
+        self.level.walk(self, ray, &mut closest, &mut ());
+        closest.0
+    }
+
+    /// As [`occluded`](crate::occluded).
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        let mut any = Any::default();
+        self.level.walk(self, ray, &mut any, &mut ());
+        any.0
+    }
+
+    /// As [`hits`](crate::hits).
+    pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        out.clear();
+        if max > 0 {
+            self.level
+                .walk(self, ray, &mut Ordered { max, out }, &mut ());
+        }
+    }
+
+    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
+    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+        let mut closest = Closest::default();
+        let mut counts = TraversalCounts::default();
+        self.level.walk(self, ray, &mut closest, &mut counts);
+        (closest.0, counts)
+    }
+
+    /// As [`occluded`](Self::occluded), and what it took. Slower; for fitting costs to measured times.
+    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+        let mut any = Any::default();
+        let mut counts = TraversalCounts::default();
+        self.level.walk(self, ray, &mut any, &mut counts);
+        (any.0, counts)
+    }
+}
+
+impl Part<'_> {
+    fn fill(self, tree: &Tree, mesh: &Mesh) {
+        let mut blocks = self.blocks.iter_mut();
+        for leaf in self.sources.iter().filter(|node| node.is_leaf()) {
+            for (triangles, block) in tree.leaf_refs(*leaf).chunks(LANES).zip(&mut blocks) {
+                *block = Block::EMPTY;
+                for (lane, triangle) in triangles.iter().enumerate() {
+                    block.set(lane, triangle.0, mesh);
+                }
+            }
+        }
+    }
+
+    #[cfg(feature = "parallel")]
+    fn fill_parallel(self, tree: &Tree, mesh: &Mesh) {
+        /// Some tens of microseconds of work.
+        const FEW_NODES: usize = 1024;
+        if self.nodes.len() <= FEW_NODES {
+            return self.fill(tree, mesh);
+        }
+        let (lower, upper) = self.halves();
+        rayon::join(
+            || lower.fill_parallel(tree, mesh),
+            || upper.fill_parallel(tree, mesh),
+        );
+    }
+
+    /// Leaves name their blocks in order, so those of either half lie together.
+    #[cfg(feature = "parallel")]
+    fn halves(self) -> (Self, Self) {
+        let first_block = |nodes: &[Node]| {
+            let leaf = nodes.iter().find(|node| node.is_leaf());
+            leaf.map(|leaf| leaf.first_ref() as usize)
+        };
+        let middle = self.nodes.len() / 2;
+        let (nodes, upper_nodes) = self.nodes.split_at(middle);
+        let (sources, upper_sources) = self.sources.split_at(middle);
+        let blocks_before = match (first_block(nodes), first_block(upper_nodes)) {
+            (Some(first), Some(middle)) => middle - first,
+            (None, _) => 0,
+            (Some(_), None) => self.blocks.len(),
+        };
+        let (blocks, upper_blocks) = self.blocks.split_at_mut(blocks_before);
+        let lower = Part {
+            sources,
+            nodes,
+            blocks,
+        };
+        let upper = Part {
+            sources: upper_sources,
+            nodes: upper_nodes,
+            blocks: upper_blocks,
+        };
+        (lower, upper)
+    }
+}
+
+impl Walkable for PackedTree {
+    #[inline(always)]
+    fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    #[inline(always)]
+    fn root(&self) -> NodeIndex {
+        self.root
+    }
+
+    #[inline(always)]
+    fn nodes(&self) -> &[Node] {
+        cast_slice(&self.pairs)
+    }
+
+    #[inline(always)]
+    fn visit<C: Collect, P: Probe>(
+        &self,
+        leaf: Node,
+        test: &TriangleTest,
+        collector: &mut C,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        let mut triangles = leaf.count() as usize;
+        let first = leaf.first_ref() as usize;
+        for block in &self.blocks[first..first + triangles.div_ceil(LANES)] {
+            probe.block();
+            let mut left = test.may_hit(&block.corners, triangles);
+            triangles = triangles.saturating_sub(LANES);
+            while let Some(lane) = left.next() {
+                probe.decision();
+                let hit = test.decide(block.corners_of(lane), block.triangles[lane]);
+                if let Some(hit) = hit {
+                    collector.take(hit)?;
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+#[cfg(all(test, feature = "parallel"))]
+mod tests {
+    use kd_core::CostModel;
+    use kd_sah::BuildOptions;
+
+    use super::*;
+
+    /// Enough nodes for several tasks, in trees with leaves anywhere.
+    #[test]
+    fn threads_do_not_show() {
+        let spike = |i: u16| {
+            let x = f32::from(i % 97);
+            let y = f32::from(i / 97);
+            let z = f32::from(i % 13);
+            [[x, y, 0.0], [x + 1.5, y, z], [x, y + 0.5, z]]
+        };
+        let positions: Vec<[f32; 3]> = (0..20_000).flat_map(spike).collect();
+        let triangles = (0..20_000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = Mesh::new(positions, triangles).expect("valid");
+        for cost in [CostModel::PACKED, CostModel::CLASSIC] {
+            let tree = kd_sah::build(&mesh, &BuildOptions::best().with_cost(cost)).expect("valid");
+            let bytes = |packed: &PackedTree| -> Vec<u8> {
+                let blocks: &[u8] = cast_slice(&packed.blocks);
+                [cast_slice(&packed.pairs), blocks].concat()
+            };
+            let packed = PackedTree::new(&tree, &mesh);
+            assert!(packed.pairs.len() > 700, "{}", packed.pairs.len());
+            let parallel = PackedTree::new_parallel(&tree, &mesh);
+            assert!(bytes(&packed) == bytes(&parallel), "the same bytes");
+        }
+    }
+}
