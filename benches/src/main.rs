@@ -14,6 +14,8 @@ mod compare;
 mod environment;
 mod measure;
 mod memory;
+mod native;
+mod peers;
 mod picture;
 mod plots;
 mod rays;
@@ -26,6 +28,8 @@ mod scenes;
 mod structure;
 mod sweep;
 mod terminal;
+mod variants;
+mod workload;
 
 use std::process::ExitCode;
 

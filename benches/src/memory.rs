@@ -21,7 +21,7 @@ struct CountingAllocator;
 struct Bytes {
     /// Allocated less freed by this thread; below 0 where it frees what others allocated.
     in_use: isize,
-    /// The most that `in_use` has been since it was last 0 by [`peak_bytes_during`].
+    /// The most that `in_use` has been since it was last 0 by [`bytes_during`].
     peak: isize,
 }
 
@@ -31,12 +31,25 @@ thread_local! {
     static BYTES: Cell<Bytes> = const { Cell::new(NONE) };
 }
 
-/// Runs `work` and tells the most bytes that this thread had allocated at a time during it, above what was allocated
-/// before. A reallocation counts as the bytes it grows by.
-pub(crate) fn peak_bytes_during<T>(work: impl FnOnce() -> T) -> (T, usize) {
+/// What a piece of work took, above what was allocated before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    /// The most that was allocated at a time.
+    pub(crate) peak: usize,
+    /// What was still allocated when the work was done.
+    pub(crate) kept: usize,
+}
+
+/// Runs `work` and tells what this thread allocated during it. A reallocation counts as the bytes it grows by.
+pub(crate) fn bytes_during<T>(work: impl FnOnce() -> T) -> (T, Taken) {
     BYTES.set(NONE);
     let result = work();
-    (result, BYTES.get().peak.unsigned_abs())
+    let Bytes { in_use, peak } = BYTES.get();
+    let taken = Taken {
+        peak: peak.unsigned_abs(),
+        kept: in_use.max(0).unsigned_abs(),
+    };
+    (result, taken)
 }
 
 /// Takes note of so many bytes more, or less. Neither allocates nor panics.
@@ -92,7 +105,7 @@ mod tests {
     #[test]
     fn the_peak_is_that_of_what_lives_together() {
         let before = vec![0_u8; 1 << 20];
-        let (kept, peak) = peak_bytes_during(|| {
+        let (kept, taken) = bytes_during(|| {
             drop(vec![0_u8; 500]);
             let mut first = Vec::<u8>::with_capacity(1000);
             first.reserve_exact(1500);
@@ -104,14 +117,19 @@ mod tests {
             drop(second);
             first
         });
+        let peak = taken.peak;
         assert_eq!(kept.capacity(), 1500, "the work's result comes back");
         // Starting a thread takes some bytes here, too.
         assert!(
             (2200..2200 + 2048).contains(&peak),
             "1500 and 700 lived together: {peak}"
         );
+        assert!(
+            (1500..1500 + 2048).contains(&taken.kept),
+            "the 1500 are still there: {taken:?}"
+        );
         drop(before);
-        let ((), peak) = peak_bytes_during(|| drop(kept));
-        assert_eq!(peak, 0, "freeing needs nothing");
+        let ((), taken) = bytes_during(|| drop(kept));
+        assert_eq!((taken.peak, taken.kept), (0, 0), "freeing needs nothing");
     }
 }

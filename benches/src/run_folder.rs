@@ -57,6 +57,16 @@ impl RunFolder {
         self.path.join("run.jsonl")
     }
 
+    /// What Rust rivals did in a build for this processor, the better half of which is among the records.
+    pub(crate) fn native_records(&self) -> PathBuf {
+        self.path.join("native.jsonl")
+    }
+
+    /// A folder for what need not be kept.
+    pub(crate) fn scratch(&self) -> PathBuf {
+        self.path.join("scratch")
+    }
+
     pub(crate) fn report(&self) -> PathBuf {
         self.path.join("report.html")
     }

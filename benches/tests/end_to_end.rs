@@ -117,6 +117,8 @@ fn what_there_is_not_is_refused_with_exit_code_2() {
         (["bench", "--builder", "binned"], "balanced"),
         (["bench", "--scene", "atlantis"], "tetra-7"),
         (["bench", "--scenes", "no/such/folder"], "no/such/folder"),
+        (["bench", "--structure", "embree"], "add --peers"),
+        #[cfg(not(feature = "peers"))]
         (["bench", "--peers", "--smoke"], "no rival libraries"),
     ] {
         let output = kd_bench(&arguments);
@@ -124,4 +126,36 @@ fn what_there_is_not_is_refused_with_exit_code_2() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {complained}");
         assert!(complained.contains(said), "{arguments:?}: {complained}");
     }
+}
+
+/// Where Embree is not installed, that is what it says.
+#[cfg(feature = "peers")]
+#[test]
+fn rivals_run_on_the_same_rays_and_agree() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (out, file) = (out.path().join("runs"), out.path().join("run.jsonl"));
+    let (out, file) = (out.display().to_string(), file.display().to_string());
+    let sweep = [
+        ["bench", "--peers", "--smoke"].as_slice(),
+        &["--scene", "jacks", "--rays", "primary,shadow"],
+        &["--builder", "best,high,slow,default"],
+        &["--out", &out, "--json", &file],
+    ];
+    let output = kd_bench(&sweep.concat());
+    let complained = String::from_utf8_lossy(&output.stderr);
+    if complained.contains("Embree 3 cannot be opened") {
+        assert!(
+            complained.contains("apt-get install libembree-dev"),
+            "{complained}"
+        );
+        return;
+    }
+    assert_eq!(output.status.code(), Some(0), "{complained}");
+    let records = fs::read_to_string(file).expect("written");
+    for structure in ["kd", "embree", "embree8", "obvhs", "bvh", "parry3d"] {
+        let cells = format!("\"structure\":\"{structure}\"");
+        assert_eq!(records.matches(&cells).count(), 2, "{structure}: {records}");
+    }
+    let baselines = records.matches("\"baseline\":\"embree/medium/own\"");
+    assert_eq!(baselines.count(), records.lines().count(), "{records}");
 }
