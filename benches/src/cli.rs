@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::builds::BuildsArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
 
@@ -20,6 +21,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Measure every chosen builder on every chosen scene with every chosen kind of ray
     Bench(Box<BenchArgs>),
+    /// Print what our presets cost to build and are worth, over Embree's builds and over each other, with the goals
+    Builds(BuildsArgs),
     /// Write the HTML report of a recorded run again
     Report {
         /// A folder that `bench` wrote, for example target/bench/latest
@@ -101,7 +104,8 @@ pub(crate) struct BenchArgs {
     pub(crate) out: Option<PathBuf>,
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
+/// A count that makes no sense as 0.
+pub(crate) fn at_least_one(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("must be at least 1".into()),
         Ok(n) => Ok(n),

@@ -1,8 +1,9 @@
 //! How much memory a piece of work needs at its highest point.
 //!
 //! Every thread counts for itself. So the number is the same every time, whatever other threads do meanwhile (those of
-//! a dropped thread pool end when they like), and counting costs a parallel build no shared cache line. Allocators from
-//! registries that count do so for all threads together.
+//! a dropped thread pool end when they like), and counting costs a parallel build no shared cache line. Only while the
+//! peak of several threads together is asked for do they also share one count. Allocators from registries that count
+//! always do so.
 #![allow(
     unsafe_code,
     reason = "an allocator can only be written with it; every call is handed on as it comes"
@@ -10,6 +11,8 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -52,8 +55,32 @@ pub(crate) fn bytes_during<T>(work: impl FnOnce() -> T) -> (T, Taken) {
     (result, taken)
 }
 
+/// Whether all threads count together, and what they counted since they do.
+static TOGETHER: AtomicBool = AtomicBool::new(false);
+static IN_USE: AtomicIsize = AtomicIsize::new(0);
+static PEAK: AtomicIsize = AtomicIsize::new(0);
+
+/// Runs `work` and tells the most bytes that all threads together had allocated at a time during it, above what was
+/// allocated before. Only one such piece of work runs at a time; what else the program does meanwhile counts as well.
+pub(crate) fn peak_of_all_threads_during<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let turn = ONE_AT_A_TIME.lock();
+    IN_USE.store(0, Ordering::Relaxed);
+    PEAK.store(0, Ordering::Relaxed);
+    TOGETHER.store(true, Ordering::SeqCst);
+    let result = work();
+    TOGETHER.store(false, Ordering::SeqCst);
+    let peak = PEAK.load(Ordering::Relaxed).unsigned_abs();
+    drop(turn);
+    (result, peak)
+}
+
 /// Takes note of so many bytes more, or less. Neither allocates nor panics.
 fn count(change: isize) {
+    if TOGETHER.load(Ordering::Relaxed) {
+        let in_use = IN_USE.fetch_add(change, Ordering::Relaxed) + change;
+        PEAK.fetch_max(in_use, Ordering::Relaxed);
+    }
     // A thread that is ending may have lost its count, and nobody is going to ask for it.
     let _ = BYTES.try_with(|bytes| {
         let Bytes { in_use, peak } = bytes.get();
@@ -131,5 +158,27 @@ mod tests {
         drop(before);
         let ((), taken) = bytes_during(|| drop(kept));
         assert_eq!((taken.peak, taken.kept), (0, 0), "freeing needs nothing");
+    }
+
+    #[test]
+    fn threads_can_be_counted_together() {
+        const EACH: usize = 1 << 26;
+        let both_hold = std::sync::Barrier::new(2);
+        let hold = || {
+            let held = vec![1_u8; EACH];
+            both_hold.wait();
+            held.len()
+        };
+        let ((), peak) = peak_of_all_threads_during(|| {
+            std::thread::scope(|scope| {
+                scope.spawn(hold);
+                scope.spawn(hold);
+            });
+        });
+        // Other tests run meanwhile, and need little.
+        assert!(
+            (2 * EACH..3 * EACH).contains(&peak),
+            "two at a time: {peak}"
+        );
     }
 }

@@ -161,7 +161,7 @@ impl Record {
 }
 
 /// The median of `above[i] / below[i]`: pairs were taken together, so a slow moment of the machine is in both.
-fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
+pub(crate) fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
     let ratios: Vec<f64> = above.iter().zip(below).map(|(a, b)| a / b).collect();
     median(&ratios)
 }

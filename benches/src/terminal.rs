@@ -11,13 +11,10 @@ const STYLE: TableStyle =
 /// One row for each scene and variant; times with the speed relative to the baseline.
 pub(crate) fn table(records: &[Record]) -> String {
     let kinds = record::distinct(records.iter().map(|record| record.rays.as_str()));
-    let mut table = Table::new();
-    table
-        .load_style(STYLE)
-        .set_content_arrangement(ContentArrangement::Disabled);
     let columns = ["scene", "variant", "build ms", "SAH cost", "refs/tri"];
     let kind_titles = kinds.iter().map(|kind| format!("{kind} ns"));
-    table.set_header(columns.into_iter().map(String::from).chain(kind_titles));
+    let head = columns.into_iter().map(String::from).chain(kind_titles);
+    let mut table = empty_table(head.collect());
     let mut scene = None;
     for row in record::rows(records) {
         if scene.is_some_and(|scene| scene != row.scene) {
@@ -26,10 +23,25 @@ pub(crate) fn table(records: &[Record]) -> String {
         scene = Some(row.scene);
         table.add_row(cells(&row, &kinds));
     }
-    for column in table.column_iter_mut().skip(2) {
+    align_right(&mut table, 2);
+    table.to_string()
+}
+
+/// A table with a head and no rows yet.
+pub(crate) fn empty_table(head: Vec<String>) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(STYLE)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(head);
+    table
+}
+
+/// Aligns numbers, which stand in all columns but the first few.
+pub(crate) fn align_right(table: &mut Table, names: usize) {
+    for column in table.column_iter_mut().skip(names) {
         column.set_cell_alignment(CellAlignment::Right);
     }
-    table.to_string()
 }
 
 fn cells(row: &Row<'_>, kinds: &[&str]) -> Vec<String> {

@@ -128,7 +128,20 @@ fn what_there_is_not_is_refused_with_exit_code_2() {
     }
 }
 
-/// Where Embree is not installed, that is what it says.
+/// What a program with rivals printed; none where Embree is not installed, which it must say.
+#[cfg(feature = "peers")]
+fn with_rivals(arguments: &[&str]) -> Option<String> {
+    let output = kd_bench(arguments);
+    let complained = String::from_utf8_lossy(&output.stderr);
+    if complained.contains("Embree 3 cannot be opened") {
+        let says_how = complained.contains("apt-get install libembree-dev");
+        assert!(says_how, "{complained}");
+        return None;
+    }
+    assert_eq!(output.status.code(), Some(0), "{complained}");
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
 #[cfg(feature = "peers")]
 #[test]
 fn rivals_run_on_the_same_rays_and_agree() {
@@ -141,16 +154,9 @@ fn rivals_run_on_the_same_rays_and_agree() {
         &["--builder", "best,high,slow,default"],
         &["--out", &out, "--json", &file],
     ];
-    let output = kd_bench(&sweep.concat());
-    let complained = String::from_utf8_lossy(&output.stderr);
-    if complained.contains("Embree 3 cannot be opened") {
-        assert!(
-            complained.contains("apt-get install libembree-dev"),
-            "{complained}"
-        );
+    if with_rivals(&sweep.concat()).is_none() {
         return;
     }
-    assert_eq!(output.status.code(), Some(0), "{complained}");
     let records = fs::read_to_string(file).expect("written");
     for structure in ["kd", "embree", "embree8", "obvhs", "bvh", "parry3d"] {
         let cells = format!("\"structure\":\"{structure}\"");
@@ -158,4 +164,28 @@ fn rivals_run_on_the_same_rays_and_agree() {
     }
     let baselines = records.matches("\"baseline\":\"embree/medium/own\"");
     assert_eq!(baselines.count(), records.lines().count(), "{records}");
+}
+
+#[cfg(feature = "peers")]
+#[test]
+fn the_table_of_builds_has_goals_and_growth() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (runs, file) = (out.path().join("runs"), out.path().join("rows.jsonl"));
+    let (runs, file) = (runs.display().to_string(), file.display().to_string());
+    let call = [
+        ["builds", "--smoke", "--scene", "tetra,jacks"].as_slice(),
+        &["--samples", "1", "--growth=20000"],
+        &["--out", &runs, "--json", &file],
+    ];
+    let Some(printed) = with_rivals(&call.concat()) else {
+        return;
+    };
+    for part in ["tetra-4", "≤ 0.8", "tetra best", "growth.svg"] {
+        assert!(printed.contains(part), "{part} in\n{printed}");
+    }
+    let rows = fs::read_to_string(file).expect("written");
+    assert!(
+        rows.contains("\"row\":\"trees that differ") && rows.contains("\"growth\":\"tetra\""),
+        "{rows}"
+    );
 }
