@@ -1,4 +1,4 @@
-//! Tells the program which compiler built it, for the record.
+//! Tells the program which compiler built it, and with which flags, for the record.
 
 use std::process::Command;
 
@@ -12,5 +12,12 @@ fn main() {
     // "rustc 1.89.0 (29483883e 2025-08-04)" -> "1.89.0"
     let version = version.split_whitespace().nth(1).unwrap_or("unknown");
     println!("cargo::rustc-env=KD_BENCH_RUSTC={version}");
+    // Cargo puts a control character between flags.
+    let flags = std::env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
+    println!(
+        "cargo::rustc-env=KD_BENCH_RUSTFLAGS={}",
+        flags.replace('\u{1f}', " ")
+    );
+    println!("cargo::rerun-if-env-changed=CARGO_ENCODED_RUSTFLAGS");
     println!("cargo::rerun-if-changed=build.rs");
 }

@@ -5,6 +5,9 @@ use kd::{Hit, Mesh, Ray};
 use crate::rays::RayKind;
 use crate::record::hash_of_ids;
 
+/// How far a rival's `t` may be off, as a part of it.
+const T_TOLERANCE: f32 = 1e-3;
+
 /// What a structure said about a list of rays.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Answers {
@@ -58,6 +61,25 @@ impl Answers {
         (0..count)
             .filter(|i| self.identity(*i) != other.identity(*i))
             .collect()
+    }
+
+    /// The rays that a rival answers differently, as far as libraries with other triangle tests can be compared: hit
+    /// or miss, and for closest hits `t` within [`T_TOLERANCE`].
+    pub(crate) fn disagreements(&self, rival: &Self) -> Vec<usize> {
+        let agree = |ours: &Option<Hit>, theirs: &Option<Hit>| match (ours, theirs) {
+            (Some(a), Some(b)) => (a.t - b.t).abs() <= T_TOLERANCE * a.t.abs(),
+            (None, None) => true,
+            _ => false,
+        };
+        match (self, rival) {
+            (Self::Closest(ours), Self::Closest(theirs)) => {
+                let both = ours.iter().zip(theirs).enumerate();
+                both.filter(|(_, (a, b))| !agree(a, b))
+                    .map(|(i, _)| i)
+                    .collect()
+            }
+            _ => self.differences(rival),
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::builds::BuildsArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
 
@@ -19,7 +20,9 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Measure every chosen builder on every chosen scene with every chosen kind of ray
-    Bench(BenchArgs),
+    Bench(Box<BenchArgs>),
+    /// Print what our presets cost to build and are worth, over Embree's builds and over each other, with the goals
+    Builds(BuildsArgs),
     /// Write the HTML report of a recorded run again
     Report {
         /// A folder that `bench` wrote, for example target/bench/latest
@@ -45,15 +48,16 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) scene: Vec<String>,
 
-    /// What to build
-    #[arg(long, value_name = "NAME", value_delimiter = ',', default_values = ["kd"])]
+    /// What to build [default: kd; all with --peers]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) structure: Vec<StructureName>,
 
-    /// How to build it [default: median,exact,balanced; all with --smoke]
+    /// How to build it, where a structure has that way [default for kd: median,exact,balanced; fast,balanced,best with
+    /// --peers; all with --smoke; all of a rival's]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) builder: Vec<BuilderName>,
 
-    /// How nodes lie in memory
+    /// How nodes of kd lie in memory
     #[arg(long, value_name = "NAME", value_delimiter = ',', default_values = ["binary"])]
     pub(crate) layout: Vec<LayoutName>,
 
@@ -78,9 +82,14 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 16)]
     pub(crate) check: usize,
 
-    /// Measure rival libraries too (needs a build with them)
+    /// Measure rival libraries too, and compare everything with Embree's medium build instead of our balanced one
     #[arg(long)]
     pub(crate) peers: bool,
+
+    /// This program built for this very processor: rivals in Rust run there too, and the better is kept
+    /// [`cargo xtask bench --peers` makes one]
+    #[arg(long, value_name = "PROGRAM", requires = "peers")]
+    pub(crate) native_build: Option<PathBuf>,
 
     /// Tiny scenes, few rays, one repeat, every builder: a check that everything works, in seconds
     #[arg(long)]
@@ -95,7 +104,8 @@ pub(crate) struct BenchArgs {
     pub(crate) out: Option<PathBuf>,
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
+/// A count that makes no sense as 0.
+pub(crate) fn at_least_one(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("must be at least 1".into()),
         Ok(n) => Ok(n),
@@ -108,12 +118,6 @@ pub(crate) fn name_of<T: ValueEnum>(value: &T) -> String {
     value
         .to_possible_value()
         .map_or_else(String::new, |v| v.get_name().to_owned())
-}
-
-/// All names of such values, for messages.
-pub(crate) fn names_of<T: ValueEnum>() -> String {
-    let names: Vec<String> = T::value_variants().iter().map(name_of).collect();
-    names.join(", ")
 }
 
 /// Something is asked for that there is not: the program ends with exit code 2.

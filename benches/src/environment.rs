@@ -13,6 +13,8 @@ pub(crate) struct Environment {
     pub(crate) cpu: String,
     /// Version of the compiler that built this program.
     pub(crate) rustc: String,
+    /// The flags it was given.
+    pub(crate) rustflags: String,
     /// The widest vector instructions this program was compiled to use.
     pub(crate) simd: String,
 }
@@ -23,6 +25,7 @@ impl Environment {
             rev: revision().unwrap_or_else(|| "unknown".into()),
             cpu: cpu().unwrap_or_else(|| std::env::consts::ARCH.into()),
             rustc: env!("KD_BENCH_RUSTC").into(),
+            rustflags: env!("KD_BENCH_RUSTFLAGS").into(),
             simd: compiled_simd().into(),
         }
     }

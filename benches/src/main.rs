@@ -1,19 +1,22 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | report | compare`.
+//! Started by `cargo xtask bench | builds | report | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "a command line program talks to its user there"
 )]
 
+mod builds;
 mod check;
 mod cli;
 mod compare;
 mod environment;
 mod measure;
 mod memory;
+mod native;
+mod peers;
 mod picture;
 mod plots;
 mod rays;
@@ -26,6 +29,8 @@ mod scenes;
 mod structure;
 mod sweep;
 mod terminal;
+mod variants;
+mod workload;
 
 use std::process::ExitCode;
 
@@ -36,6 +41,7 @@ use cli::{Cli, Command, UsageError};
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Bench(arguments) => sweep::run(&arguments),
+        Command::Builds(arguments) => builds::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
         Command::Compare { before, after } => compare::run(&before, &after),
     };

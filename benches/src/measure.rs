@@ -38,13 +38,22 @@ pub(crate) fn in_pairs<T, E>(
     mut baseline: impl FnMut() -> Result<T, E>,
     mut own: impl FnMut() -> Result<T, E>,
 ) -> Result<Pairs, E> {
+    timed_in_pairs(repeats, || seconds(&mut baseline), || seconds(&mut own))
+}
+
+/// The same for what takes its own time and returns the seconds.
+pub(crate) fn timed_in_pairs<E>(
+    repeats: Repeats,
+    mut baseline: impl FnMut() -> Result<f64, E>,
+    mut own: impl FnMut() -> Result<f64, E>,
+) -> Result<Pairs, E> {
     let mut pairs = Pairs::default();
     let start = Instant::now();
     while pairs.own.len() < repeats.pairs
         && (pairs.own.is_empty() || start.elapsed() < repeats.until)
     {
-        pairs.baseline.push(seconds(&mut baseline)?);
-        pairs.own.push(seconds(&mut own)?);
+        pairs.baseline.push(baseline()?);
+        pairs.own.push(own()?);
     }
     Ok(pairs)
 }

@@ -1,8 +1,9 @@
 //! How much memory a piece of work needs at its highest point.
 //!
 //! Every thread counts for itself. So the number is the same every time, whatever other threads do meanwhile (those of
-//! a dropped thread pool end when they like), and counting costs a parallel build no shared cache line. Allocators from
-//! registries that count do so for all threads together.
+//! a dropped thread pool end when they like), and counting costs a parallel build no shared cache line. Only while the
+//! peak of several threads together is asked for do they also share one count. Allocators from registries that count
+//! always do so.
 #![allow(
     unsafe_code,
     reason = "an allocator can only be written with it; every call is handed on as it comes"
@@ -10,6 +11,8 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -21,7 +24,7 @@ struct CountingAllocator;
 struct Bytes {
     /// Allocated less freed by this thread; below 0 where it frees what others allocated.
     in_use: isize,
-    /// The most that `in_use` has been since it was last 0 by [`peak_bytes_during`].
+    /// The most that `in_use` has been since it was last 0 by [`bytes_during`].
     peak: isize,
 }
 
@@ -31,16 +34,53 @@ thread_local! {
     static BYTES: Cell<Bytes> = const { Cell::new(NONE) };
 }
 
-/// Runs `work` and tells the most bytes that this thread had allocated at a time during it, above what was allocated
-/// before. A reallocation counts as the bytes it grows by.
-pub(crate) fn peak_bytes_during<T>(work: impl FnOnce() -> T) -> (T, usize) {
+/// What a piece of work took, above what was allocated before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    /// The most that was allocated at a time.
+    pub(crate) peak: usize,
+    /// What was still allocated when the work was done.
+    pub(crate) kept: usize,
+}
+
+/// Runs `work` and tells what this thread allocated during it. A reallocation counts as the bytes it grows by.
+pub(crate) fn bytes_during<T>(work: impl FnOnce() -> T) -> (T, Taken) {
     BYTES.set(NONE);
     let result = work();
-    (result, BYTES.get().peak.unsigned_abs())
+    let Bytes { in_use, peak } = BYTES.get();
+    let taken = Taken {
+        peak: peak.unsigned_abs(),
+        kept: in_use.max(0).unsigned_abs(),
+    };
+    (result, taken)
+}
+
+/// Whether all threads count together, and what they counted since they do.
+static TOGETHER: AtomicBool = AtomicBool::new(false);
+static IN_USE: AtomicIsize = AtomicIsize::new(0);
+static PEAK: AtomicIsize = AtomicIsize::new(0);
+
+/// Runs `work` and tells the most bytes that all threads together had allocated at a time during it, above what was
+/// allocated before. Only one such piece of work runs at a time; what else the program does meanwhile counts as well.
+pub(crate) fn peak_of_all_threads_during<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let turn = ONE_AT_A_TIME.lock();
+    IN_USE.store(0, Ordering::Relaxed);
+    PEAK.store(0, Ordering::Relaxed);
+    TOGETHER.store(true, Ordering::SeqCst);
+    let result = work();
+    TOGETHER.store(false, Ordering::SeqCst);
+    let peak = PEAK.load(Ordering::Relaxed).unsigned_abs();
+    drop(turn);
+    (result, peak)
 }
 
 /// Takes note of so many bytes more, or less. Neither allocates nor panics.
 fn count(change: isize) {
+    if TOGETHER.load(Ordering::Relaxed) {
+        let in_use = IN_USE.fetch_add(change, Ordering::Relaxed) + change;
+        PEAK.fetch_max(in_use, Ordering::Relaxed);
+    }
     // A thread that is ending may have lost its count, and nobody is going to ask for it.
     let _ = BYTES.try_with(|bytes| {
         let Bytes { in_use, peak } = bytes.get();
@@ -92,7 +132,7 @@ mod tests {
     #[test]
     fn the_peak_is_that_of_what_lives_together() {
         let before = vec![0_u8; 1 << 20];
-        let (kept, peak) = peak_bytes_during(|| {
+        let (kept, taken) = bytes_during(|| {
             drop(vec![0_u8; 500]);
             let mut first = Vec::<u8>::with_capacity(1000);
             first.reserve_exact(1500);
@@ -104,14 +144,41 @@ mod tests {
             drop(second);
             first
         });
+        let peak = taken.peak;
         assert_eq!(kept.capacity(), 1500, "the work's result comes back");
         // Starting a thread takes some bytes here, too.
         assert!(
             (2200..2200 + 2048).contains(&peak),
             "1500 and 700 lived together: {peak}"
         );
+        assert!(
+            (1500..1500 + 2048).contains(&taken.kept),
+            "the 1500 are still there: {taken:?}"
+        );
         drop(before);
-        let ((), peak) = peak_bytes_during(|| drop(kept));
-        assert_eq!(peak, 0, "freeing needs nothing");
+        let ((), taken) = bytes_during(|| drop(kept));
+        assert_eq!((taken.peak, taken.kept), (0, 0), "freeing needs nothing");
+    }
+
+    #[test]
+    fn threads_can_be_counted_together() {
+        const EACH: usize = 1 << 26;
+        let both_hold = std::sync::Barrier::new(2);
+        let hold = || {
+            let held = vec![1_u8; EACH];
+            both_hold.wait();
+            held.len()
+        };
+        let ((), peak) = peak_of_all_threads_during(|| {
+            std::thread::scope(|scope| {
+                scope.spawn(hold);
+                scope.spawn(hold);
+            });
+        });
+        // Other tests run meanwhile, and need little.
+        assert!(
+            (2 * EACH..3 * EACH).contains(&peak),
+            "two at a time: {peak}"
+        );
     }
 }

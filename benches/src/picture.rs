@@ -177,7 +177,7 @@ fn byte(light: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::structure::BASELINE;
+    use crate::structure::REFERENCE;
 
     #[test]
     fn pictures_show_the_scene() {
@@ -187,7 +187,8 @@ mod tests {
             camera: setup.camera,
             light: setup.lights[0],
         };
-        let structure = BASELINE.build(&scene.mesh, 1).expect("small");
+        let built = REFERENCE.build(&scene.mesh, 1).expect("small");
+        let structure = built.structure;
         let shaded = image::load_from_memory(&shaded(&scene, &*structure, 16).expect("drawn"))
             .expect("a PNG")
             .to_rgb8();

@@ -46,6 +46,60 @@ pub(crate) struct ScatterPlot<'a> {
     pub(crate) points: Vec<(usize, f64, f64, &'a str)>,
 }
 
+/// Lines, on logarithmic axes.
+#[derive(Debug)]
+pub(crate) struct LinePlot<'a> {
+    pub(crate) x_axis: &'a str,
+    pub(crate) y_axis: &'a str,
+    /// Name and points of each line.
+    pub(crate) lines: Vec<(String, Vec<(f64, f64)>)>,
+}
+
+impl LinePlot<'_> {
+    /// As SVG; empty if there is no point. Names stand to the right of their lines.
+    pub(crate) fn to_svg(&self) -> anyhow::Result<String> {
+        let points = || self.lines.iter().flat_map(|(_, points)| points);
+        let xs = decades(points().map(|point| point.0));
+        let ys = decades(points().map(|point| point.1));
+        let (Some(xs), Some(ys)) = (xs, ys) else {
+            return Ok(String::new());
+        };
+        let mut svg = String::new();
+        let area = SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT * 3 / 2)).into_drawing_area();
+        let mut chart = ChartBuilder::on(&area)
+            .margin(8)
+            .margin_right(120)
+            .set_label_area_size(LabelAreaPosition::Left, 64)
+            .set_label_area_size(LabelAreaPosition::Bottom, 44)
+            .build_cartesian_2d(logarithmic(xs), logarithmic(ys))
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .bold_line_style(BLACK.mix(0.15))
+            .x_desc(self.x_axis)
+            .y_desc(self.y_axis)
+            .x_label_formatter(&|value| short(*value))
+            .y_label_formatter(&|value| short(*value))
+            .label_style(FONT)
+            .draw()
+            .map_err(failed)?;
+        for (index, (name, points)) in self.lines.iter().enumerate() {
+            let color = color(index);
+            let line = LineSeries::new(points.iter().copied(), color.stroke_width(2));
+            chart.draw_series(line.point_size(3)).map_err(failed)?;
+            let style = ("sans-serif", 12).into_text_style(&area).color(&color);
+            let label = points
+                .last()
+                .map(|end| EmptyElement::at(*end) + Text::new(name.clone(), (8, -6), style));
+            chart.draw_series(label).map_err(failed)?;
+        }
+        area.present().map_err(failed)?;
+        drop(chart);
+        drop(area);
+        Ok(svg)
+    }
+}
+
 impl BarPlot<'_> {
     /// As SVG; empty if there is no value.
     pub(crate) fn to_svg(&self) -> anyhow::Result<String> {

@@ -6,8 +6,11 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 
-/// Version of the format. A reader refuses another one.
+/// Version of the format. A reader refuses another one. Fields that came later are optional.
 pub(crate) const SCHEMA: u32 = 1;
+
+/// Rivals that answer more rays differently than this many in a million are wrong.
+const MOST_DISAGREEMENT_PPM: f64 = 100.0;
 
 /// One cell.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -17,6 +20,9 @@ pub(crate) struct Record {
     pub(crate) rev: String,
     pub(crate) cpu: String,
     pub(crate) rustc: String,
+    /// Flags the compiler was called with, if any.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub(crate) rustflags: String,
     pub(crate) threads: usize,
     pub(crate) simd: String,
     pub(crate) scene: String,
@@ -43,7 +49,8 @@ pub(crate) struct Exact {
     pub(crate) sah_cost_15_20: f64,
     pub(crate) sah_cost_own: f64,
     pub(crate) bytes_total: usize,
-    /// The most that a build on one thread allocates at a time, above the mesh.
+    /// The most that a build on one thread allocates at a time, above the mesh. A rival's counts above its own form of
+    /// the mesh, and of what a rival is like `bytes_total` is all that is known: what stands above it here is 0.
     pub(crate) peak_build_bytes: usize,
     /// Rays traced.
     pub(crate) rays: usize,
@@ -51,8 +58,12 @@ pub(crate) struct Exact {
     pub(crate) hits: usize,
     /// Hash of the triangles hit, in the order of the rays (see [`hash_of_ids`]); of hit or miss for any-hit rays.
     pub(crate) hit_hash: String,
-    /// Rays answered differently by the baseline: hit or miss, and for closest hits the triangle and the bits of t.
+    /// Rays answered differently by the reference, which is our `balanced`: hit or miss, and for closest hits the
+    /// triangle and the bits of t. Of a rival, rays answered too differently: hit or miss, and t to one in a thousand.
     pub(crate) mismatches: usize,
+    /// Of a rival, `mismatches` in parts per million of its rays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) disagreement_ppm: Option<f64>,
     /// Rays of which the answer was compared with a test of every triangle.
     pub(crate) brute_force_rays: usize,
     /// Of these, rays answered differently.
@@ -108,6 +119,24 @@ impl Record {
         format!("{}/{}/{}", self.structure, self.builder, self.layout)
     }
 
+    /// Whether it was measured in a build for this very processor, as Rust rivals are where that is better for them.
+    pub(crate) fn is_native(&self) -> bool {
+        self.rustflags.contains("target-cpu=native")
+    }
+
+    /// Whether it tells of a rival library.
+    pub(crate) fn is_of_rival(&self) -> bool {
+        self.exact.disagreement_ppm.is_some()
+    }
+
+    /// Whether answers are wrong: of ours if any is, of a rival if too many are.
+    pub(crate) fn is_wrong(&self) -> bool {
+        match self.exact.disagreement_ppm {
+            Some(ppm) => ppm > MOST_DISAGREEMENT_PPM,
+            None => self.exact.mismatches + self.exact.brute_force_mismatches > 0,
+        }
+    }
+
     /// How many times as fast as the baseline it builds.
     pub(crate) fn build_speed(&self) -> f64 {
         median_ratio(&self.timed.baseline_build_ms, &self.timed.build_ms)
@@ -132,7 +161,7 @@ impl Record {
 }
 
 /// The median of `above[i] / below[i]`: pairs were taken together, so a slow moment of the machine is in both.
-fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
+pub(crate) fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
     let ratios: Vec<f64> = above.iter().zip(below).map(|(a, b)| a / b).collect();
     median(&ratios)
 }
@@ -257,6 +286,7 @@ pub(crate) fn example() -> Record {
         rev: "0123456789ab".into(),
         cpu: "some CPU".into(),
         rustc: "1.89.0".into(),
+        rustflags: String::new(),
         threads: 1,
         simd: "sse2".into(),
         scene: "tetra-3".into(),

@@ -13,6 +13,7 @@ use crate::picture::{HeatScale, heat_color};
 use crate::plots::{self, BarPlot, ScatterPlot};
 use crate::record::{self, Record, Row};
 use crate::run_folder::{self, RunFolder};
+use crate::structure::REFERENCE;
 use crate::terminal::three_digits;
 
 const STYLE: &str = include_str!("report.css");
@@ -33,7 +34,6 @@ pub(crate) fn write(folder: &RunFolder, records: &[Record]) -> anyhow::Result<()
 
 /// What the sections are made from.
 struct Run<'a> {
-    records: &'a [Record],
     rows: Vec<Row<'a>>,
     scenes: Vec<&'a str>,
     /// Structure, builder and layout.
@@ -49,7 +49,6 @@ impl<'a> Run<'a> {
             .map(String::from)
             .collect();
         Self {
-            records,
             scenes: record::distinct(records.iter().map(|r| r.scene.as_str())),
             variants,
             kinds: record::distinct(records.iter().map(|r| r.rays.as_str())),
@@ -101,7 +100,7 @@ fn page(folder: &RunFolder, records: &[Record]) -> anyhow::Result<Markup> {
                     (summary(&run))
                     (quality(&run)?)
                     (bars(&run)?)
-                    @for scene in &run.scenes { (scene_section(folder, &run, scene)?) }
+                    @for scene in &run.scenes { (scene_section(folder, scene)?) }
                 }
             }
         }
@@ -124,9 +123,7 @@ fn environment(record: &Record) -> Markup {
 
 /// Whether the answers were right, before any time.
 fn verdict(records: &[Record]) -> Markup {
-    let wrong =
-        |record: &&Record| record.exact.mismatches + record.exact.brute_force_mismatches > 0;
-    let wrong: Vec<&Record> = records.iter().filter(wrong).collect();
+    let wrong: Vec<&Record> = records.iter().filter(|r| r.is_wrong()).collect();
     let checked: usize = records
         .iter()
         .map(|record| record.exact.brute_force_rays)
@@ -135,8 +132,8 @@ fn verdict(records: &[Record]) -> Markup {
     if wrong.is_empty() {
         return html! {
             p.verdict.good {
-                "All " (grouped(rays)) " answers agree with the baseline's, and " (grouped(checked))
-                " of them were compared with a test of every triangle."
+                "All " (grouped(rays)) " answers agree with the reference's, rivals' up to 100 in a million, and "
+                (grouped(checked)) " of them were compared with a test of every triangle."
             }
         };
     }
@@ -147,7 +144,7 @@ fn verdict(records: &[Record]) -> Markup {
                 @for record in wrong {
                     li {
                         (record.cell()) ": " (record.exact.mismatches) " of " (record.exact.rays)
-                        " differ from the baseline, " (record.exact.brute_force_mismatches) " of "
+                        " differ from the reference, " (record.exact.brute_force_mismatches) " of "
                         (record.exact.brute_force_rays) " from a test of every triangle"
                     }
                 }
@@ -277,12 +274,12 @@ fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
                 .position(|variant| *variant == row.variant);
             if let (Some(variant), Some(cell)) = (variant, row.cells.get(kind)) {
                 let time = record::median(&cell.timed.trace_ns_per_ray);
-                let is_baseline = row.variant == cell.baseline;
+                let is_reference = row.variant == REFERENCE.to_string();
                 points.push((
                     variant,
                     cell.exact.sah_cost_15_20,
                     time,
-                    if is_baseline { row.scene } else { "" },
+                    if is_reference { row.scene } else { "" },
                 ));
             }
         }
@@ -302,7 +299,7 @@ fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
                 h2 { "SAH cost against time" }
                 p.note {
                     "The surface area heuristic predicts what a random ray costs. A point is a scene and a variant; the \
-                     name stands at the baseline's."
+                     name stands at the reference's, " (REFERENCE) "."
                 }
                 (legend(run))
                 div.pair { @for plot in &plots { figure { (PreEscaped(plot)) } } }
@@ -344,7 +341,7 @@ fn bars(run: &Run<'_>) -> anyhow::Result<Markup> {
     })
 }
 
-fn scene_section(folder: &RunFolder, run: &Run<'_>, scene: &str) -> anyhow::Result<Markup> {
+fn scene_section(folder: &RunFolder, scene: &str) -> anyhow::Result<Markup> {
     let shaded = picture(&folder.picture(scene, "shaded"))?;
     let heat = picture(&folder.picture(scene, "heat"))?;
     let scale: Option<HeatScale> = read_if_there(&folder.heat_scale(scene))?
@@ -353,10 +350,6 @@ fn scene_section(folder: &RunFolder, run: &Run<'_>, scene: &str) -> anyhow::Resu
     let statistics = read_if_there(&folder.statistics(scene))?
         .map(String::from_utf8)
         .transpose()?;
-    let baseline = run
-        .records
-        .first()
-        .map_or("", |record| record.baseline.as_str());
     Ok(html! {
         section id=(scene) {
             h2 { (scene) }
@@ -375,7 +368,7 @@ fn scene_section(folder: &RunFolder, run: &Run<'_>, scene: &str) -> anyhow::Resu
                     }
                 }
                 @if let Some(text) = statistics {
-                    figure.statistics { pre { (text.trim_end()) } figcaption { (baseline) } }
+                    figure.statistics { pre { (text.trim_end()) } figcaption { (REFERENCE) } }
                 }
             }
         }

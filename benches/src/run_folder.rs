@@ -57,6 +57,26 @@ impl RunFolder {
         self.path.join("run.jsonl")
     }
 
+    /// What Rust rivals did in a build for this processor, the better half of which is among the records.
+    pub(crate) fn native_records(&self) -> PathBuf {
+        self.path.join("native.jsonl")
+    }
+
+    /// The rows of the table of builds.
+    pub(crate) fn build_table(&self) -> PathBuf {
+        self.path.join("builds.jsonl")
+    }
+
+    /// How build times grow with the mesh.
+    pub(crate) fn growth_plot(&self) -> PathBuf {
+        self.path.join("growth.svg")
+    }
+
+    /// A folder for what need not be kept.
+    pub(crate) fn scratch(&self) -> PathBuf {
+        self.path.join("scratch")
+    }
+
     pub(crate) fn report(&self) -> PathBuf {
         self.path.join("report.html")
     }

@@ -2,18 +2,64 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::ValueEnum;
 use kd::{BuildOptions, CostModel, Hit, KdTree, Mesh, Method, Ray};
 
 use crate::cli::name_of;
+use crate::memory::{Taken, bytes_during};
+use crate::peers;
 use crate::record::Steps;
 
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub(crate) enum StructureName {
     /// The kd-tree
     Kd,
+    /// Embree 3, one ray at a time
+    Embree,
+    /// Embree 3, packets of 8 rays
+    Embree8,
+    /// Embree 3 with its robust flag, one ray at a time
+    EmbreeRobust,
+    /// The crate obvhs
+    Obvhs,
+    /// The crate bvh
+    Bvh,
+    /// The crate parry3d
+    Parry3d,
+}
+
+impl StructureName {
+    /// Whether it is a library that we measure ourselves against. Those answer as they please: see
+    /// [`Answers::disagreements`](crate::check::Answers::disagreements).
+    pub(crate) const fn is_rival(self) -> bool {
+        !matches!(self, Self::Kd)
+    }
+
+    /// Whether it is compiled with this program, so that it matters what for.
+    pub(crate) const fn is_rust_rival(self) -> bool {
+        matches!(self, Self::Obvhs | Self::Bvh | Self::Parry3d)
+    }
+
+    /// The ways to build it.
+    pub(crate) fn builders(self) -> Vec<BuilderName> {
+        let rivals: &[BuilderName] = match self {
+            Self::Kd => {
+                let all = BuilderName::value_variants().iter().copied();
+                return all.filter(|name| name.options().is_some()).collect();
+            }
+            Self::Embree | Self::Embree8 => {
+                &[BuilderName::Low, BuilderName::Medium, BuilderName::High]
+            }
+            // Embree splits no triangles in a robust scene: high would be medium again.
+            Self::EmbreeRobust => &[BuilderName::Low, BuilderName::Medium],
+            Self::Obvhs => &[BuilderName::Fastest, BuilderName::Medium, BuilderName::Slow],
+            Self::Bvh | Self::Parry3d => &[BuilderName::Default],
+        };
+        rivals.to_vec()
+    }
 }
 
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
@@ -32,17 +78,33 @@ pub(crate) enum BuilderName {
     Balanced,
     /// The preset that traces fast
     Best,
+    /// Embree's quickest build
+    Low,
+    /// Embree's default build; the medium build of obvhs, a wide BVH
+    Medium,
+    /// Embree's build with spatial splits
+    High,
+    /// The quickest build of obvhs, a binary BVH
+    Fastest,
+    /// The slow build of obvhs, a wide BVH
+    Slow,
+    /// The only build of bvh and of parry3d
+    Default,
 }
 
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub(crate) enum LayoutName {
     /// The tree's own 8-byte nodes
     Binary,
+    /// Of a rival: whatever it does
+    #[value(skip)]
+    Own,
 }
 
 impl BuilderName {
-    fn options(self) -> BuildOptions {
-        match self {
+    /// What it means for the kd-tree, if it is one of its builders.
+    pub(crate) fn options(self) -> Option<BuildOptions> {
+        let options = match self {
             Self::Median => literature(Method::Median),
             Self::Naive => literature(Method::Naive),
             Self::Resort => literature(Method::Resort),
@@ -50,7 +112,10 @@ impl BuilderName {
             Self::Fast => BuildOptions::fast(),
             Self::Balanced => BuildOptions::balanced(),
             Self::Best => BuildOptions::best(),
-        }
+            Self::Low | Self::Medium | Self::High => return None,
+            Self::Fastest | Self::Slow | Self::Default => return None,
+        };
+        Some(options)
     }
 
     /// Above so many triangles a build takes many seconds, soon minutes, and the sweep leaves it out.
@@ -58,6 +123,16 @@ impl BuilderName {
         match self {
             Self::Naive => 20_000,
             _ => usize::MAX,
+        }
+    }
+}
+
+impl LayoutName {
+    /// As records write it, the one that nobody can ask for included.
+    pub(crate) fn name(self) -> String {
+        match self {
+            Self::Own => "own".into(),
+            named => name_of(&named),
         }
     }
 }
@@ -80,34 +155,81 @@ pub(crate) struct Variant {
     pub(crate) layout: LayoutName,
 }
 
-/// What everything is compared with.
-pub(crate) const BASELINE: Variant = Variant {
+/// The structure that makes the rays and says what is hit, and what everything of ours is compared with.
+pub(crate) const REFERENCE: Variant = Variant {
     structure: StructureName::Kd,
     builder: BuilderName::Balanced,
     layout: LayoutName::Binary,
 };
 
+/// What everything is compared with where rivals are measured.
+pub(crate) const RIVAL: Variant = Variant {
+    structure: StructureName::Embree,
+    builder: BuilderName::Medium,
+    layout: LayoutName::Own,
+};
+
 impl fmt::Display for Variant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (structure, builder, layout) = (
-            name_of(&self.structure),
-            name_of(&self.builder),
-            name_of(&self.layout),
-        );
+        let (structure, builder) = (name_of(&self.structure), name_of(&self.builder));
+        let layout = self.layout.name();
         write!(f, "{structure}/{builder}/{layout}")
     }
 }
 
 impl Variant {
-    pub(crate) fn build(
+    pub(crate) fn build(self, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
+        let built = match self.builder.options() {
+            Some(options) if !self.structure.is_rival() => {
+                let options = options.with_threads(threads);
+                Measured::try_of(|| KdTree::build(Arc::clone(mesh), &options))
+                    .map(|measured| measured.into_built(|tree, _| Box::new(tree)))
+                    .map_err(anyhow::Error::from)
+            }
+            _ => peers::build(self, mesh, threads),
+        };
+        built.with_context(|| format!("cannot build {self}"))
+    }
+}
+
+/// A structure, and what its build took.
+pub(crate) struct Built {
+    pub(crate) structure: Box<dyn Structure>,
+    pub(crate) seconds: f64,
+    /// The most that was allocated at a time, above the input; means something for a build on one thread.
+    pub(crate) peak_bytes: usize,
+}
+
+/// What a build returned and took.
+#[derive(Debug)]
+pub(crate) struct Measured<T> {
+    value: T,
+    seconds: f64,
+    bytes: Taken,
+}
+
+impl<T> Measured<T> {
+    pub(crate) fn try_of<E>(build: impl FnOnce() -> Result<T, E>) -> Result<Self, E> {
+        let start = Instant::now();
+        let (value, bytes) = bytes_during(build);
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Self {
+            value: value?,
+            seconds,
+            bytes,
+        })
+    }
+
+    /// With the structure made of the value and the bytes that are left of the build.
+    pub(crate) fn into_built(
         self,
-        mesh: &Arc<Mesh>,
-        threads: usize,
-    ) -> anyhow::Result<Box<dyn Structure>> {
-        let options = self.builder.options().with_threads(threads);
-        let tree = KdTree::build(Arc::clone(mesh), &options)
-            .with_context(|| format!("cannot build {self}"))?;
-        Ok(Box::new(tree))
+        structure: impl FnOnce(T, usize) -> Box<dyn Structure>,
+    ) -> Built {
+        Built {
+            structure: structure(self.value, self.bytes.kept),
+            seconds: self.seconds,
+            peak_bytes: self.bytes.peak,
+        }
     }
 }
 

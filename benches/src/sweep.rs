@@ -1,35 +1,30 @@
 //! A run: every variant on every scene with every kind of ray.
 
-use std::convert::Infallible;
 use std::time::Duration;
 
 use clap::ValueEnum as _;
 use indicatif::{ProgressBar, ProgressStyle};
-use kd::Ray;
 
-use crate::check::{Answers, BruteForce, as_source};
-use crate::cli::{BenchArgs, UsageError, name_of, names_of};
+use crate::check::{Answers, as_source};
+use crate::cli::{BenchArgs, name_of};
 use crate::environment::Environment;
 use crate::measure::{self, Pairs, Repeats};
-use crate::memory::peak_bytes_during;
-use crate::rays::{self, RayKind, RaySource};
+use crate::rays::RayKind;
 use crate::record::{self, Exact, Record, Steps, Timed};
 use crate::run_folder::{self, RunFolder};
 use crate::scenes::{self, Scene, SceneSource};
-use crate::structure::{BASELINE, BuilderName, Shape, Structure, StructureName, Variant};
-use crate::{picture, report, terminal};
+use crate::structure::{REFERENCE, RIVAL, Shape, Structure, Variant};
+use crate::variants::without_repeats;
+use crate::workload::{self, Amount, Workload};
+use crate::{native, peers, picture, report, terminal, variants};
 
 /// How much of everything.
 #[derive(Clone, Copy, Debug)]
 struct Effort {
     repeats: Repeats,
-    /// Pixels along the side of the primary image, and of the pictures.
-    side: u32,
+    rays: Amount,
+    /// Pixels along the side of pictures.
     picture_side: u32,
-    ray_limit: usize,
-    /// Ray-triangle tests to spend on checking each kind of ray on each scene, whatever else is in the run, so that
-    /// a cell is the same in any run.
-    brute_force_tests: usize,
 }
 
 const FULL: Effort = Effort {
@@ -37,33 +32,30 @@ const FULL: Effort = Effort {
         pairs: 3,
         until: Duration::from_secs(2),
     },
-    side: 1024,
+    rays: Amount::FULL,
     picture_side: 400,
-    ray_limit: 1 << 16,
-    brute_force_tests: 10_000_000,
 };
 const SMOKE: Effort = Effort {
     repeats: Repeats {
         pairs: 1,
         until: Duration::MAX,
     },
-    side: 128,
+    rays: Amount {
+        side: 128,
+        ray_limit: 1 << 12,
+        brute_force_tests: 1_000_000,
+        least_checked: 0,
+    },
     picture_side: 96,
-    ray_limit: 1 << 12,
-    brute_force_tests: 1_000_000,
 };
 
 /// Runs the whole, prints and writes what comes out; false if an answer was wrong or a scene could not be measured.
 pub(crate) fn run(arguments: &BenchArgs) -> anyhow::Result<bool> {
     if arguments.peers {
-        let message = format!(
-            "--peers: no rival libraries are built in; there is {}",
-            names_of::<StructureName>()
-        );
-        return Err(UsageError(message).into());
+        peers::check_available()?;
     }
     let sources = scenes::choose(arguments)?;
-    let plan = Plan::new(arguments);
+    let plan = Plan::new(arguments)?;
     if arguments.scenes.is_none() {
         println!("only generated scenes; `--scenes DIR` or KD_SCENES=DIR adds mesh files");
     }
@@ -86,6 +78,11 @@ pub(crate) fn run(arguments: &BenchArgs) -> anyhow::Result<bool> {
         run_folder::write(&sweep.folder.records(), record::to_lines(&sweep.records)?)?;
     }
     sweep.progress.finish_and_clear();
+    if let Some(program) = &arguments.native_build {
+        println!("Rust rivals once more, in {}", program.display());
+        let own = native::measure(program, arguments, &sweep.folder)?;
+        native::keep_better(&mut sweep.records, own);
+    }
     sweep.conclude(arguments)
 }
 
@@ -98,15 +95,15 @@ fn progress_bar(cells: usize) -> ProgressBar {
 /// What to measure.
 struct Plan {
     variants: Vec<Variant>,
+    /// What runs before every timed repeat.
+    baseline: Variant,
     kinds: Vec<RayKind>,
     threads: usize,
-    /// Answers of each kind to compare with brute force, whatever it takes.
-    least_checked: usize,
     effort: Effort,
 }
 
 impl Plan {
-    fn new(arguments: &BenchArgs) -> Self {
+    fn new(arguments: &BenchArgs) -> anyhow::Result<Self> {
         let mut effort = if arguments.smoke { SMOKE } else { FULL };
         if let Some(pairs) = arguments.samples {
             // Asked for by number, they are all taken, however long it takes.
@@ -115,52 +112,21 @@ impl Plan {
                 until: Duration::MAX,
             };
         }
-        effort.ray_limit = arguments.ray_limit.unwrap_or(effort.ray_limit);
-        let usual = [
-            BuilderName::Median,
-            BuilderName::Exact,
-            BuilderName::Balanced,
-        ];
-        let builders = match (arguments.builder.as_slice(), arguments.smoke) {
-            ([], true) => BuilderName::value_variants(),
-            ([], false) => usual.as_slice(),
-            (chosen, _) => chosen,
-        };
-        let mut variants: Vec<Variant> = Vec::new();
-        for &structure in &arguments.structure {
-            for &builder in builders {
-                for &layout in &arguments.layout {
-                    variants.push(Variant {
-                        structure,
-                        builder,
-                        layout,
-                    });
-                }
-            }
-        }
+        effort.rays.ray_limit = arguments.ray_limit.unwrap_or(effort.rays.ray_limit);
+        effort.rays.least_checked = arguments.check;
         let kinds = if arguments.rays.is_empty() {
             RayKind::value_variants()
         } else {
             &arguments.rays
         };
-        Self {
-            variants: without_repeats(&variants),
+        Ok(Self {
+            variants: variants::choose(arguments)?,
+            baseline: if arguments.peers { RIVAL } else { REFERENCE },
             kinds: without_repeats(kinds),
             threads: arguments.threads,
-            least_checked: arguments.check,
             effort,
-        }
+        })
     }
-}
-
-fn without_repeats<T: Copy + PartialEq>(values: &[T]) -> Vec<T> {
-    let mut once: Vec<T> = Vec::new();
-    for value in values {
-        if !once.contains(value) {
-            once.push(*value);
-        }
-    }
-    once
 }
 
 struct Sweep {
@@ -171,14 +137,6 @@ struct Sweep {
     records: Vec<Record>,
     skipped: Vec<String>,
     problems: Vec<String>,
-}
-
-/// The rays of one kind on one scene, with the answers they must get.
-struct Workload {
-    kind: RayKind,
-    rays: Vec<Ray>,
-    expected: Answers,
-    brute_force: BruteForce,
 }
 
 impl Sweep {
@@ -192,51 +150,23 @@ impl Sweep {
         self.say(&format!("{name}: loading"));
         let scene = source.load()?;
         self.say(&format!(
-            "{name}: building the baseline, making rays, checking them"
+            "{name}: building what to compare with, making rays, checking them"
         ));
-        let baseline = BASELINE.build(&scene.mesh, self.plan.threads)?;
-        let workloads = self.workloads(&scene, &*baseline);
+        let build = |variant: Variant| variant.build(&scene.mesh, self.plan.threads);
+        let reference = build(REFERENCE)?.structure;
+        let rival = if self.plan.baseline == REFERENCE {
+            None
+        } else {
+            Some(build(self.plan.baseline)?.structure)
+        };
+        let baseline = rival.as_ref().unwrap_or(&reference);
+        let (kinds, amount) = (&self.plan.kinds, self.plan.effort.rays);
+        let workloads = workload::all(&scene, kinds, amount, &*reference);
         for variant in self.plan.variants.clone() {
-            self.measure_variant(name, &scene, variant, &*baseline, &workloads)?;
+            self.measure_variant(name, &scene, variant, &**baseline, &workloads)?;
         }
         self.say(&format!("{name}: pictures"));
-        self.illustrate(name, &scene, &*baseline)
-    }
-
-    fn workloads(&self, scene: &Scene, baseline: &dyn Structure) -> Vec<Workload> {
-        // Nothing is timed here, so all cores may work.
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let answered = |kind: RayKind, rays: &[Ray]| {
-            let mut answers = Answers::none(kind, rays.len());
-            measure::trace(baseline, rays, &mut answers, cores);
-            answers
-        };
-        let primary = rays::primary(&scene.camera, self.plan.effort.side);
-        let points = match answered(RayKind::Primary, &primary) {
-            Answers::Closest(hits) => rays::surface_points(&scene.mesh, &primary, &hits),
-            Answers::Any(_) => Vec::new(),
-        };
-        let source = RaySource {
-            mesh: &scene.mesh,
-            light: scene.light,
-            primary: &primary,
-            points: &points,
-            limit: self.plan.effort.ray_limit,
-        };
-        let workload = |kind: &RayKind| {
-            let (kind, rays) = (*kind, source.rays(*kind));
-            let expected = answered(kind, &rays);
-            let tests = self.plan.effort.brute_force_tests;
-            let brute_force =
-                BruteForce::sample(&scene.mesh, kind, &rays, tests, self.plan.least_checked);
-            Workload {
-                kind,
-                rays,
-                expected,
-                brute_force,
-            }
-        };
-        self.plan.kinds.iter().map(workload).collect()
+        self.illustrate(name, &scene, &*reference)
     }
 
     fn measure_variant(
@@ -258,15 +188,19 @@ impl Sweep {
         }
         self.say(&format!("{name}: {variant}, building"));
         let threads = self.plan.threads;
-        let build = |variant: Variant| variant.build(&scene.mesh, threads);
-        let builds = measure::in_pairs(
-            self.plan.effort.repeats,
-            || build(BASELINE),
-            || build(variant),
+        let repeats = self.plan.effort.repeats;
+        let build_seconds = |variant: Variant| {
+            let built = variant.build(&scene.mesh, threads)?;
+            anyhow::Ok(built.seconds)
+        };
+        let builds = measure::timed_in_pairs(
+            repeats,
+            || build_seconds(self.plan.baseline),
+            || build_seconds(variant),
         )?;
         // On one thread, so that the peak does not depend on which threads happen to work at the same time.
-        let (structure, peak_build_bytes) = peak_bytes_during(|| variant.build(&scene.mesh, 1));
-        let structure = structure?;
+        let built = variant.build(&scene.mesh, 1)?;
+        let structure = built.structure;
         if let Some(flaw) = structure.flaw() {
             self.problems.push(format!("{name} {variant}: {flaw}"));
         }
@@ -275,103 +209,91 @@ impl Sweep {
             let kind = name_of(&workload.kind);
             self.say(&format!("{name}: {variant}, {kind}"));
             let mut answers = Answers::none(workload.kind, workload.rays.len());
-            let traces = self.time_rays(workload, &*structure, baseline, &mut answers);
-            let (mismatches, brute_force_mismatches) =
-                self.check(name, variant, workload, &answers);
+            let traces = workload.time(repeats, threads, baseline, &*structure, &mut answers);
             let record = Record {
                 schema: record::SCHEMA,
                 rev: self.environment.rev.clone(),
                 cpu: self.environment.cpu.clone(),
                 rustc: self.environment.rustc.clone(),
+                rustflags: self.environment.rustflags.clone(),
                 threads,
                 simd: self.environment.simd.clone(),
                 scene: name.to_owned(),
                 triangles,
                 structure: name_of(&variant.structure),
                 builder: name_of(&variant.builder),
-                layout: name_of(&variant.layout),
+                layout: variant.layout.name(),
                 rays: kind,
-                baseline: BASELINE.to_string(),
+                baseline: self.plan.baseline.to_string(),
                 exact: Exact {
-                    peak_build_bytes,
+                    peak_build_bytes: built.peak_bytes,
                     rays: workload.rays.len(),
                     hits: answers.hits(),
                     hit_hash: answers.hash(),
-                    mismatches,
-                    brute_force_rays: workload.brute_force.rays.len(),
-                    brute_force_mismatches,
                     steps: steps_of(&*structure, workload),
                     ..exact_of(&shape)
                 },
                 timed: timed_of(&builds, &traces, workload.rays.len()),
             };
+            let record = self.checked(record, variant, workload, &answers);
             self.records.push(record);
             self.progress.inc(1);
         }
         Ok(())
     }
 
-    fn time_rays(
-        &self,
-        workload: &Workload,
-        structure: &dyn Structure,
-        baseline: &dyn Structure,
-        answers: &mut Answers,
-    ) -> Pairs {
-        let (rays, threads) = (&workload.rays, self.plan.threads);
-        let mut others = Answers::none(workload.kind, rays.len());
-        let traced = |structure, answers: &mut Answers| {
-            measure::trace(structure, rays, answers, threads);
-            Ok::<(), Infallible>(())
-        };
-        let Ok(pairs) = measure::in_pairs(
-            self.plan.effort.repeats,
-            || traced(baseline, &mut others),
-            || traced(structure, answers),
-        );
-        pairs
-    }
-
-    /// How many answers differ from the baseline's, and from those of brute force; the first of each is told.
-    fn check(
+    /// The record with what is wrong with the answers: how many differ from the reference's, and for ours from those
+    /// of brute force. The first of each is told.
+    fn checked(
         &mut self,
-        scene: &str,
+        mut record: Record,
         variant: Variant,
         workload: &Workload,
         answers: &Answers,
-    ) -> (usize, usize) {
-        let kind = name_of(&workload.kind);
-        let from_baseline = answers.differences(&workload.expected);
-        let from_brute_force = workload.brute_force.differences(answers);
-        let both = [
-            ("the baseline", &from_baseline),
-            ("a test of every triangle", &from_brute_force),
-        ];
-        for (what, differences) in both {
-            if let Some(first) = differences.first() {
-                let ray = as_source(&workload.rays[*first]);
-                let count = differences.len();
-                self.problems.push(format!(
-                    "{scene} {variant} {kind}: {count} rays differ from {what}, first {ray}"
-                ));
+    ) -> Record {
+        let mut found = Vec::new();
+        if variant.structure.is_rival() {
+            let disagreements = workload.expected.disagreements(answers);
+            let share = disagreements.len() as f64 / workload.rays.len().max(1) as f64;
+            record.exact.mismatches = disagreements.len();
+            record.exact.disagreement_ppm = Some(share * 1e6);
+            found.push(("ours", disagreements));
+        } else {
+            let from_reference = answers.differences(&workload.expected);
+            let from_brute_force = workload.brute_force.differences(answers);
+            record.exact.mismatches = from_reference.len();
+            record.exact.brute_force_rays = workload.brute_force.rays.len();
+            record.exact.brute_force_mismatches = from_brute_force.len();
+            found.push(("the reference", from_reference));
+            found.push(("a test of every triangle", from_brute_force));
+        }
+        if record.is_wrong() {
+            let cell = record.cell();
+            for (what, differences) in &found {
+                if let Some(first) = differences.first() {
+                    let (count, ray) = (differences.len(), as_source(&workload.rays[*first]));
+                    self.problems.push(format!(
+                        "{cell}: {count} rays differ from {what}, first {ray}"
+                    ));
+                }
             }
         }
-        (from_baseline.len(), from_brute_force.len())
+        record
     }
 
     fn illustrate(
         &self,
         name: &str,
         scene: &Scene,
-        baseline: &dyn Structure,
+        reference: &dyn Structure,
     ) -> anyhow::Result<()> {
         let (folder, side) = (&self.folder, self.plan.effort.picture_side);
-        run_folder::write(&folder.statistics(name), baseline.shape().text)?;
+        run_folder::write(&folder.statistics(name), reference.shape().text)?;
         run_folder::write(
             &folder.picture(name, "shaded"),
-            picture::shaded(scene, baseline, side)?,
+            picture::shaded(scene, reference, side)?,
         )?;
-        if let Some((heat, scale)) = picture::heat(scene, baseline, side)? {
+        if let Some((heat, scale)) = picture::heat(scene, reference, side)? {
             run_folder::write(&folder.picture(name, "heat"), heat)?;
             run_folder::write(&folder.heat_scale(name), serde_json::to_vec(&scale)?)?;
         }
@@ -379,6 +301,7 @@ impl Sweep {
     }
 
     fn conclude(self, arguments: &BenchArgs) -> anyhow::Result<bool> {
+        run_folder::write(&self.folder.records(), record::to_lines(&self.records)?)?;
         report::write(&self.folder, &self.records)?;
         let latest = self.folder.publish_as_latest()?;
         if let Some(path) = &arguments.json {
@@ -386,8 +309,15 @@ impl Sweep {
         }
         println!("{}", terminal::table(&self.records));
         println!(
-            "× is the speed relative to {BASELINE}, the median of pairs of runs; above 1 is faster"
+            "× is the speed relative to {}, the median of pairs of runs; above 1 is faster",
+            self.plan.baseline
         );
+        if self.records.iter().any(Record::is_of_rival) {
+            println!(
+                "ppm are a rival's answers that differ from ours, in a million; (native) are times of a build for this \
+                 processor, where a rival is faster in one"
+            );
+        }
         for skipped in &self.skipped {
             println!("skipped: {skipped}");
         }
@@ -398,7 +328,7 @@ impl Sweep {
             .map(|record| record.exact.brute_force_rays)
             .sum();
         println!(
-            "checked: every tree for parts of triangles it misses; {rays} answers against the baseline's, {checked} of them \
+            "checked: every tree for parts of triangles it misses; {rays} answers against the reference's, {checked} of them \
              against a test of every triangle"
         );
         for problem in &self.problems {

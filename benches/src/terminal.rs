@@ -11,13 +11,10 @@ const STYLE: TableStyle =
 /// One row for each scene and variant; times with the speed relative to the baseline.
 pub(crate) fn table(records: &[Record]) -> String {
     let kinds = record::distinct(records.iter().map(|record| record.rays.as_str()));
-    let mut table = Table::new();
-    table
-        .load_style(STYLE)
-        .set_content_arrangement(ContentArrangement::Disabled);
     let columns = ["scene", "variant", "build ms", "SAH cost", "refs/tri"];
     let kind_titles = kinds.iter().map(|kind| format!("{kind} ns"));
-    table.set_header(columns.into_iter().map(String::from).chain(kind_titles));
+    let head = columns.into_iter().map(String::from).chain(kind_titles);
+    let mut table = empty_table(head.collect());
     let mut scene = None;
     for row in record::rows(records) {
         if scene.is_some_and(|scene| scene != row.scene) {
@@ -26,30 +23,59 @@ pub(crate) fn table(records: &[Record]) -> String {
         scene = Some(row.scene);
         table.add_row(cells(&row, &kinds));
     }
-    for column in table.column_iter_mut().skip(2) {
+    align_right(&mut table, 2);
+    table.to_string()
+}
+
+/// A table with a head and no rows yet.
+pub(crate) fn empty_table(head: Vec<String>) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(STYLE)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(head);
+    table
+}
+
+/// Aligns numbers, which stand in all columns but the first few.
+pub(crate) fn align_right(table: &mut Table, names: usize) {
+    for column in table.column_iter_mut().skip(names) {
         column.set_cell_alignment(CellAlignment::Right);
     }
-    table.to_string()
 }
 
 fn cells(row: &Row<'_>, kinds: &[&str]) -> Vec<String> {
     let build = row.build();
+    let known = |text: String| {
+        if build.is_of_rival() {
+            "–".into()
+        } else {
+            text
+        }
+    };
+    let native = if build.is_native() { " (native)" } else { "" };
     let mut cells = vec![
         row.scene.to_owned(),
-        row.variant.clone(),
+        format!("{}{native}", row.variant),
         with_speed(record::median(&build.timed.build_ms), build.build_speed()),
-        format!("{:.1}", build.exact.sah_cost_15_20),
-        format!("{:.2}", build.refs_per_triangle()),
+        known(format!("{:.1}", build.exact.sah_cost_15_20)),
+        known(format!("{:.2}", build.refs_per_triangle())),
     ];
     for kind in kinds {
         cells.push(row.cells.get(kind).map_or_else(String::new, |record| {
-            with_speed(
-                record::median(&record.timed.trace_ns_per_ray),
-                record.trace_speed(),
-            )
+            let time = record::median(&record.timed.trace_ns_per_ray);
+            with_speed(time, record.trace_speed()) + &disagreement(record)
         }));
     }
     cells
+}
+
+/// Of a rival that does not agree everywhere, how far.
+fn disagreement(record: &Record) -> String {
+    match record.exact.disagreement_ppm {
+        Some(ppm) if ppm > 0.0 => format!(" {ppm:.0} ppm"),
+        _ => String::new(),
+    }
 }
 
 fn with_speed(time: f64, speed: f64) -> String {
@@ -83,6 +109,19 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} in\n{text}");
         }
+    }
+
+    #[test]
+    fn rivals_show_how_they_disagree_and_how_they_were_built() {
+        let mut rival = record::example();
+        rival.structure = "obvhs".into();
+        rival.rustflags = "-C target-cpu=native".into();
+        rival.exact.disagreement_ppm = Some(12.4);
+        let text = table(&[rival]);
+        for part in ["obvhs/exact/binary (native)", "100 ×0.50 12 ppm", " – "] {
+            assert!(text.contains(part), "{part} in\n{text}");
+        }
+        assert!(!text.contains("71.2"), "its cost is not known:\n{text}");
     }
 
     #[test]

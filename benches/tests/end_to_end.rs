@@ -117,6 +117,8 @@ fn what_there_is_not_is_refused_with_exit_code_2() {
         (["bench", "--builder", "binned"], "balanced"),
         (["bench", "--scene", "atlantis"], "tetra-7"),
         (["bench", "--scenes", "no/such/folder"], "no/such/folder"),
+        (["bench", "--structure", "embree"], "add --peers"),
+        #[cfg(not(feature = "peers"))]
         (["bench", "--peers", "--smoke"], "no rival libraries"),
     ] {
         let output = kd_bench(&arguments);
@@ -124,4 +126,66 @@ fn what_there_is_not_is_refused_with_exit_code_2() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {complained}");
         assert!(complained.contains(said), "{arguments:?}: {complained}");
     }
+}
+
+/// What a program with rivals printed; none where Embree is not installed, which it must say.
+#[cfg(feature = "peers")]
+fn with_rivals(arguments: &[&str]) -> Option<String> {
+    let output = kd_bench(arguments);
+    let complained = String::from_utf8_lossy(&output.stderr);
+    if complained.contains("Embree 3 cannot be opened") {
+        let says_how = complained.contains("apt-get install libembree-dev");
+        assert!(says_how, "{complained}");
+        return None;
+    }
+    assert_eq!(output.status.code(), Some(0), "{complained}");
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(feature = "peers")]
+#[test]
+fn rivals_run_on_the_same_rays_and_agree() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (out, file) = (out.path().join("runs"), out.path().join("run.jsonl"));
+    let (out, file) = (out.display().to_string(), file.display().to_string());
+    let sweep = [
+        ["bench", "--peers", "--smoke"].as_slice(),
+        &["--scene", "jacks", "--rays", "primary,shadow"],
+        &["--builder", "best,high,slow,default"],
+        &["--out", &out, "--json", &file],
+    ];
+    if with_rivals(&sweep.concat()).is_none() {
+        return;
+    }
+    let records = fs::read_to_string(file).expect("written");
+    for structure in ["kd", "embree", "embree8", "obvhs", "bvh", "parry3d"] {
+        let cells = format!("\"structure\":\"{structure}\"");
+        assert_eq!(records.matches(&cells).count(), 2, "{structure}: {records}");
+    }
+    let baselines = records.matches("\"baseline\":\"embree/medium/own\"");
+    assert_eq!(baselines.count(), records.lines().count(), "{records}");
+}
+
+#[cfg(feature = "peers")]
+#[test]
+fn the_table_of_builds_has_goals_and_growth() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (runs, file) = (out.path().join("runs"), out.path().join("rows.jsonl"));
+    let (runs, file) = (runs.display().to_string(), file.display().to_string());
+    let call = [
+        ["builds", "--smoke", "--scene", "tetra,jacks"].as_slice(),
+        &["--samples", "1", "--growth=20000"],
+        &["--out", &runs, "--json", &file],
+    ];
+    let Some(printed) = with_rivals(&call.concat()) else {
+        return;
+    };
+    for part in ["tetra-4", "≤ 0.8", "tetra best", "growth.svg"] {
+        assert!(printed.contains(part), "{part} in\n{printed}");
+    }
+    let rows = fs::read_to_string(file).expect("written");
+    assert!(
+        rows.contains("\"row\":\"trees that differ") && rows.contains("\"growth\":\"tetra\""),
+        "{rows}"
+    );
 }

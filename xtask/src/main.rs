@@ -32,6 +32,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::run("bench", arguments),
     },
     Command {
+        name: "builds",
+        arguments: "[OPTIONS]",
+        help: "print what the presets cost and are worth, over Embree and each other (`builds --help`)",
+        run: |arguments| bench::with_rivals("builds", arguments),
+    },
+    Command {
         name: "report",
         arguments: "RUN",
         help: "write the HTML report of a recorded run",

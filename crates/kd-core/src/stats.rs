@@ -128,6 +128,34 @@ impl TreeStats {
     }
 }
 
+/// The cost of a tree under any model: see [`Tree::sah_cost`].
+pub(crate) fn sah_cost(tree: &Tree, model: &CostModel) -> f64 {
+    fn below(tree: &Tree, model: &CostModel, place: NodeIndex, cell: Aabb) -> f64 {
+        let node = tree.nodes()[place.index()];
+        let own = chance(&cell, tree.bounds().half_area()) * node_cost(model, node);
+        match node.view() {
+            NodeView::Leaf { .. } => own,
+            NodeView::Interior { axis, split, first } => {
+                let (lower, upper) = cell.split(axis, split);
+                let children = [(first, lower), (first.sibling(), upper)];
+                let costs = children.map(|(child, cell)| below(tree, model, child, cell));
+                own + costs[0] + costs[1]
+            }
+        }
+    }
+    below(tree, model, tree.root(), tree.bounds())
+}
+
+/// How likely a ray that meets the root's box meets a cell. A box without area is met by no ray in the sense of the
+/// heuristic; it counts as always met.
+fn chance(cell: &Aabb, root_half_area: f64) -> f64 {
+    if root_half_area > 0.0 {
+        cell.half_area() / root_half_area
+    } else {
+        1.0
+    }
+}
+
 /// A walk over all nodes with their cells.
 struct Walk<'a> {
     tree: &'a Tree,
@@ -144,12 +172,7 @@ impl Walk<'_> {
         if first_time {
             self.stats.nodes += 1;
         }
-        // A box without area is met by no ray in the sense of the heuristic; count it as always met.
-        let chance = if self.root_half_area > 0.0 {
-            cell.half_area() / self.root_half_area
-        } else {
-            1.0
-        };
+        let chance = chance(&cell, self.root_half_area);
         let own = *self.tree.cost();
         self.stats.sah_cost_15_20 += chance * node_cost(&CostModel::CLASSIC, node);
         self.stats.sah_cost_own += chance * node_cost(&own, node);
@@ -258,6 +281,11 @@ mod tests {
         assert!(
             close(stats.sah_cost_own, 1.0 + 2.0 / 3.0 * 2.0 * 8.0),
             "{stats}"
+        );
+        let by_model = [CostModel::CLASSIC, own].map(|model| tree.sah_cost(&model));
+        assert!(
+            close(by_model[0], stats.sah_cost_15_20) && close(by_model[1], stats.sah_cost_own),
+            "{by_model:?} {stats}"
         );
         assert_eq!(
             (stats.nodes, stats.leaves, stats.references, stats.depth),

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use crate::{
     Aabb, Arena, CostModel, Mesh, Node, NodeIndex, NodeView, Pair, Slot, TreeError, TreeStats,
+    stats,
 };
 
 /// A kd-tree over triangles: a root in an [`Arena`], and the box its planes divide.
@@ -138,6 +139,12 @@ impl Tree {
     /// Counts, histograms and costs; linear in the number of nodes, each as often as there are paths to it.
     pub fn stats(&self) -> TreeStats {
         TreeStats::of(self)
+    }
+
+    /// What the surface area heuristic expects a ray to pay that meets the root's box, under any model: to compare trees
+    /// that were built for different ones. Under the tree's own it is [`TreeStats::sah_cost_own`], up to rounding.
+    pub fn sah_cost(&self, model: &CostModel) -> f64 {
+        stats::sah_cost(self, model)
     }
 
     /// Checks that no part of any triangle is missing: the box is that of the mesh, and every cell that a triangle reaches into leads to a leaf that

@@ -1,0 +1,173 @@
+//! Rivals written in Rust, measured in another build of this program: the one for this very processor.
+//!
+//! A rival may be faster where the compiler may use all of the processor, as its users would allow it; ours finds out
+//! for itself what there is, so it is measured in the default build alone.
+
+use std::ffi::OsString;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::Context as _;
+
+use crate::cli::{BenchArgs, name_of};
+use crate::record::{self, Record};
+use crate::run_folder::RunFolder;
+use crate::structure::StructureName;
+use crate::variants;
+
+/// Runs the other program over the same scenes and rays. There, too, Embree runs before every repeat.
+pub(crate) fn measure(
+    program: &Path,
+    arguments: &BenchArgs,
+    folder: &RunFolder,
+) -> anyhow::Result<Vec<Record>> {
+    let mut structures: Vec<StructureName> = Vec::new();
+    for variant in variants::choose(arguments)? {
+        structures.push(variant.structure);
+    }
+    structures.retain(|structure| structure.is_rust_rival());
+    if structures.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (records, scratch) = (folder.native_records(), folder.scratch());
+    let status = Command::new(program)
+        .args(call(arguments, &structures))
+        .arg("--json")
+        .arg(&records)
+        .arg("--out")
+        .arg(&scratch)
+        .stdout(std::process::Stdio::null())
+        .status()
+        .with_context(|| format!("cannot start {}", program.display()))?;
+    std::fs::remove_dir_all(&scratch).ok();
+    // Answers that are wrong end it with 1, and are in the records.
+    anyhow::ensure!(
+        matches!(status.code(), Some(0 | 1)) && records.exists(),
+        "{}: {status}",
+        program.display()
+    );
+    record::read(&records)
+}
+
+/// The arguments of this run, for those structures alone.
+fn call(arguments: &BenchArgs, structures: &[StructureName]) -> Vec<OsString> {
+    let mut call: Vec<OsString> = vec!["bench".into(), "--peers".into()];
+    let mut add = |flag: &str, value: OsString| call.extend([flag.into(), value]);
+    if let Some(scenes) = &arguments.scenes {
+        add("--scenes", scenes.into());
+    }
+    for scene in &arguments.scene {
+        add("--scene", scene.into());
+    }
+    for structure in structures {
+        add("--structure", name_of(structure).into());
+    }
+    for builder in &arguments.builder {
+        add("--builder", name_of(builder).into());
+    }
+    for kind in &arguments.rays {
+        add("--rays", name_of(kind).into());
+    }
+    add("--threads", arguments.threads.to_string().into());
+    if let Some(samples) = arguments.samples {
+        add("--samples", samples.to_string().into());
+    }
+    if let Some(limit) = arguments.ray_limit {
+        add("--ray-limit", limit.to_string().into());
+    }
+    if arguments.smoke {
+        call.push("--smoke".into());
+    }
+    call
+}
+
+/// Replaces each row of `records`, which is a variant on a scene, by that of `native` if its rays are faster there, by
+/// the geometric mean over their kinds.
+pub(crate) fn keep_better(records: &mut [Record], native: Vec<Record>) {
+    let speeds = |of: &[Record], like: &Record| {
+        let row = of.iter().filter(|record| is_same_row(record, like));
+        row.map(|record| record.trace_speed().ln()).sum::<f64>()
+    };
+    let is_better = |like: &&Record| speeds(&native, like) > speeds(records, like);
+    let better: Vec<Record> = native.iter().filter(is_better).cloned().collect();
+    for faster in better {
+        let known = records
+            .iter_mut()
+            .find(|record| record.cell() == faster.cell());
+        if let Some(record) = known {
+            *record = faster;
+        }
+    }
+}
+
+fn is_same_row(a: &Record, b: &Record) -> bool {
+    a.scene == b.scene && a.variant() == b.variant()
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::cli::{Cli, Command};
+
+    #[test]
+    fn rows_are_replaced_whole() {
+        let record = |builder: &str, rays: &str, flags: &str, nanoseconds: f64| {
+            let mut record = record::example();
+            record.builder = builder.into();
+            record.rays = rays.into();
+            record.rustflags = flags.into();
+            record.timed.baseline_ns_per_ray = vec![100.0];
+            record.timed.trace_ns_per_ray = vec![nanoseconds];
+            record
+        };
+        let mut records = vec![
+            record("medium", "primary", "", 50.0),
+            record("medium", "ao", "", 50.0),
+            record("slow", "primary", "", 50.0),
+        ];
+        let native = vec![
+            record("medium", "primary", "native", 60.0),
+            record("medium", "ao", "native", 20.0),
+            record("slow", "primary", "native", 51.0),
+        ];
+        keep_better(&mut records, native);
+        let kept: Vec<&str> = records
+            .iter()
+            .map(|record| record.rustflags.as_str())
+            .collect();
+        assert_eq!(
+            kept,
+            ["native", "native", ""],
+            "medium gains, slow does not"
+        );
+    }
+
+    #[test]
+    fn the_other_program_is_asked_the_same() {
+        let ours = "kd-bench bench --peers --scenes dir --scene a,b --builder medium --threads 2 --samples 5 --smoke";
+        let Command::Bench(arguments) =
+            Cli::try_parse_from(ours.split(' ')).expect("valid").command
+        else {
+            panic!("asked for bench");
+        };
+        let mut call = call(&arguments, &[StructureName::Obvhs]);
+        call.insert(0, "kd-bench".into());
+        let Command::Bench(theirs) = Cli::try_parse_from(call).expect("valid").command else {
+            panic!("asked for bench");
+        };
+        assert_eq!(theirs.structure, [StructureName::Obvhs], "only the rival");
+        assert_eq!(
+            (
+                theirs.scene,
+                theirs.builder,
+                theirs.threads,
+                theirs.samples,
+                theirs.smoke
+            ),
+            (arguments.scene, arguments.builder, 2, Some(5), true),
+            "the rest is the same"
+        );
+    }
+}

@@ -1,0 +1,120 @@
+//! The crate `bvh`, which names candidates: with a triangle test of our own, and for closest hits its way through the
+//! tree that gives near candidates first, left at the first one that lies behind the best hit.
+
+use bvh::aabb::{Aabb, Bounded};
+use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy as _};
+use bvh::bvh::Bvh;
+use kd::glam::Vec3;
+use kd::{Hit, Mesh, Ray};
+
+use super::rust::{self, SingleRays};
+use crate::structure::Built;
+
+/// A triangle as the test wants it.
+#[derive(Clone, Debug)]
+struct Shape {
+    corner: Vec3,
+    edges: [Vec3; 2],
+    bounds: Aabb<f32, 3>,
+    number: u32,
+    /// The crate's, to find its node.
+    node: usize,
+}
+
+struct Tree {
+    bvh: Bvh<f32, 3>,
+    shapes: Vec<Shape>,
+}
+
+/// Builds; with several threads, by the crate's parallel build.
+pub(super) fn build(mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
+    let count = u32::try_from(mesh.len())?;
+    let mut shapes: Vec<Shape> = (0..count).map(|number| Shape::new(mesh, number)).collect();
+    rust::build(threads, move || {
+        let bvh = if threads > 1 {
+            Bvh::build_par(&mut shapes)
+        } else {
+            Bvh::build(&mut shapes)
+        };
+        Ok(Tree { bvh, shapes })
+    })
+}
+
+impl Shape {
+    fn new(mesh: &Mesh, number: u32) -> Self {
+        let [a, b, c] = mesh.corners(number);
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        Self {
+            corner: a,
+            edges: [b - a, c - a],
+            bounds: Aabb::with_bounds(low.to_array().into(), high.to_array().into()),
+            number,
+            node: 0,
+        }
+    }
+
+    /// Where the ray meets the triangle, from either side (T. Möller and B. Trumbore: *Fast, Minimum Storage
+    /// Ray/Triangle Intersection*, 1997).
+    #[inline]
+    fn distance(&self, ray: &Ray, t_max: f32) -> Option<f32> {
+        let across = ray.direction.cross(self.edges[1]);
+        let scale = self.edges[0].dot(across).recip();
+        let from_corner = ray.origin - self.corner;
+        let u = from_corner.dot(across) * scale;
+        let over = from_corner.cross(self.edges[0]);
+        let v = ray.direction.dot(over) * scale;
+        let t = self.edges[1].dot(over) * scale;
+        // A NaN is in no range.
+        let is_inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
+        (is_inside && t >= ray.t_min && t <= t_max).then_some(t)
+    }
+}
+
+impl Bounded<f32, 3> for Shape {
+    fn aabb(&self) -> Aabb<f32, 3> {
+        self.bounds
+    }
+}
+
+impl BHShape<f32, 3> for Shape {
+    fn set_bh_node_index(&mut self, index: usize) {
+        self.node = index;
+    }
+
+    fn bh_node_index(&self) -> usize {
+        self.node
+    }
+}
+
+fn ray_of(ray: &Ray) -> bvh::ray::Ray<f32, 3> {
+    let (origin, direction) = (ray.origin.to_array(), ray.direction.to_array());
+    bvh::ray::Ray::new(origin.into(), direction.into())
+}
+
+impl SingleRays for Tree {
+    #[inline]
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let line = ray_of(ray);
+        // The crate's rays have unit length.
+        let length = ray.direction.length();
+        let mut best: Option<Hit> = None;
+        for shape in self.bvh.nearest_traverse_iterator(&line, &self.shapes) {
+            let t_max = best.map_or(ray.t_max, |hit| hit.t);
+            let entry = line.intersection_slice_for_aabb(&shape.bounds);
+            if entry.is_some_and(|(entry, _)| entry > t_max * length) {
+                break;
+            }
+            if let Some(t) = shape.distance(ray, t_max) {
+                best = Some(rust::hit(t, shape.number));
+            }
+        }
+        best
+    }
+
+    #[inline]
+    fn any(&self, ray: &Ray) -> bool {
+        let line = ray_of(ray);
+        let mut candidates = self.bvh.traverse_iterator(&line, &self.shapes);
+        candidates.any(|shape| shape.distance(ray, ray.t_max).is_some())
+    }
+}

@@ -1,0 +1,434 @@
+//! Embree 3 through the few functions of its C interface that are needed, opened when it is first asked for.
+//!
+//! The types and constants are those of the headers of Embree 3 (`rtcore_*.h`); 3.13 is what is tested. Everything
+//! that this module gives out is safe to use: a [`Scene`] is committed, and handles are released when it is dropped.
+//! The floating point modes of the processor (flush to zero, denormals are zero) are left as they are: Embree advises
+//! to set them, but compiled Rust relies on the defaults.
+#![allow(
+    unsafe_code,
+    reason = "a C library can only be called with it; nothing unsafe leaves this file"
+)]
+
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+use std::ffi::{CString, OsString, c_char, c_int, c_uint, c_void};
+use std::fmt;
+use std::ptr;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicIsize, Ordering};
+
+use anyhow::Context as _;
+use kd::Mesh;
+use libloading::Library;
+
+/// What Embree writes where there is no triangle.
+pub(super) const NOTHING: u32 = u32::MAX;
+
+const TRIANGLES: c_int = 0;
+const INDEX_BUFFER: c_int = 0;
+const VERTEX_BUFFER: c_int = 1;
+const THREE_UINTS: c_int = 0x5003;
+const THREE_FLOATS: c_int = 0x9003;
+const FLAG_ROBUST: c_int = 1 << 2;
+
+/// How much work a build is worth to Embree.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Quality {
+    /// Morton codes
+    Low = 0,
+    /// Binned surface area heuristic
+    Medium = 1,
+    /// The same with spatial splits
+    High = 2,
+}
+
+/// A device, a scene or a geometry.
+type Handle = *mut c_void;
+
+/// `RTCRay`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(super) struct Ray1 {
+    pub(super) origin: [f32; 3],
+    pub(super) t_min: f32,
+    pub(super) direction: [f32; 3],
+    pub(super) time: f32,
+    /// Where the hit is, after a query; below 0 for an occluded ray.
+    pub(super) t_max: f32,
+    pub(super) mask: u32,
+    pub(super) id: u32,
+    pub(super) flags: u32,
+}
+
+/// `RTCRayHit`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(super) struct RayHit1 {
+    pub(super) ray: Ray1,
+    pub(super) normal: [f32; 3],
+    pub(super) u: f32,
+    pub(super) v: f32,
+    pub(super) triangle: u32,
+    pub(super) geometry: u32,
+    pub(super) instance: u32,
+}
+
+/// `RTCRay8`: as [`Ray1`], each field for eight rays.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Ray8 {
+    pub(super) origin: [[f32; 8]; 3],
+    pub(super) t_min: [f32; 8],
+    pub(super) direction: [[f32; 8]; 3],
+    pub(super) time: [f32; 8],
+    pub(super) t_max: [f32; 8],
+    pub(super) mask: [u32; 8],
+    pub(super) id: [u32; 8],
+    pub(super) flags: [u32; 8],
+}
+
+/// `RTCRayHit8`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct RayHit8 {
+    pub(super) ray: Ray8,
+    pub(super) normal: [[f32; 8]; 3],
+    pub(super) u: [f32; 8],
+    pub(super) v: [f32; 8],
+    pub(super) triangle: [u32; 8],
+    pub(super) geometry: [u32; 8],
+    pub(super) instance: [u32; 8],
+}
+
+/// `RTCIntersectContext` of a library that allows one level of instances, which is how distributions build it.
+#[derive(Debug)]
+#[repr(C)]
+pub(super) struct QueryContext {
+    /// 1 for coherent rays.
+    flags: c_int,
+    filter: *const c_void,
+    instance: [u32; 1],
+}
+
+impl QueryContext {
+    /// `coherent` is advice about how to walk a packet; answers do not depend on it.
+    pub(super) fn new(coherent: bool) -> Self {
+        Self {
+            flags: c_int::from(coherent),
+            filter: ptr::null(),
+            instance: [NOTHING],
+        }
+    }
+}
+
+/// All lanes of a packet count.
+#[repr(align(32))]
+struct Lanes([c_int; 8]);
+static ALL_LANES: Lanes = Lanes([-1; 8]);
+
+macro_rules! functions {
+    ($($name:ident = $symbol:literal ($($argument:ty),*) $(-> $result:ty)?;)*) => {
+        /// The functions of the library that are used here.
+        #[derive(Debug)]
+        struct Functions {
+            $($name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
+            /// The functions live as long as it is open.
+            _library: Library,
+        }
+
+        impl Functions {
+            fn of(library: Library) -> Result<Self, libloading::Error> {
+                Ok(Self {
+                    // SAFETY: the headers of Embree 3 declare this symbol with these types.
+                    $($name: unsafe { *library.get($symbol)? },)*
+                    _library: library,
+                })
+            }
+        }
+    };
+}
+
+functions! {
+    new_device = b"rtcNewDevice" (*const c_char) -> Handle;
+    release_device = b"rtcReleaseDevice" (Handle);
+    device_error = b"rtcGetDeviceError" (Handle) -> c_int;
+    monitor_memory = b"rtcSetDeviceMemoryMonitorFunction"
+        (Handle, extern "C" fn(*mut c_void, isize, bool) -> bool, *mut c_void);
+    new_scene = b"rtcNewScene" (Handle) -> Handle;
+    release_scene = b"rtcReleaseScene" (Handle);
+    set_scene_quality = b"rtcSetSceneBuildQuality" (Handle, c_int);
+    set_scene_flags = b"rtcSetSceneFlags" (Handle, c_int);
+    commit_scene = b"rtcCommitScene" (Handle);
+    new_geometry = b"rtcNewGeometry" (Handle, c_int) -> Handle;
+    release_geometry = b"rtcReleaseGeometry" (Handle);
+    set_geometry_quality = b"rtcSetGeometryBuildQuality" (Handle, c_int);
+    new_buffer = b"rtcSetNewGeometryBuffer" (Handle, c_int, c_uint, c_int, usize, usize) -> *mut c_void;
+    commit_geometry = b"rtcCommitGeometry" (Handle);
+    attach_geometry = b"rtcAttachGeometry" (Handle, Handle) -> c_uint;
+    intersect1 = b"rtcIntersect1" (Handle, *mut QueryContext, *mut RayHit1);
+    occluded1 = b"rtcOccluded1" (Handle, *mut QueryContext, *mut Ray1);
+    intersect8 = b"rtcIntersect8" (*const c_int, Handle, *mut QueryContext, *mut RayHit8);
+    occluded8 = b"rtcOccluded8" (*const c_int, Handle, *mut QueryContext, *mut Ray8);
+}
+
+/// Embree could not be opened.
+#[derive(Clone, Debug)]
+pub(super) struct NotInstalled(String);
+
+impl fmt::Display for NotInstalled {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(why) = self;
+        write!(
+            f,
+            "Embree 3 cannot be opened ({why}); it is a system library: on Debian and Ubuntu, \
+             `apt-get install libembree-dev` installs it"
+        )
+    }
+}
+
+impl std::error::Error for NotInstalled {}
+
+fn functions() -> Result<&'static Functions, NotInstalled> {
+    static LOADED: OnceLock<Result<Functions, NotInstalled>> = OnceLock::new();
+    // The name with a version is there without the files for developers.
+    let plain = format!("{DLL_PREFIX}embree3{DLL_SUFFIX}");
+    let names = [format!("{plain}.3"), plain];
+    let loaded = LOADED.get_or_init(|| load(&names.map(OsString::from)));
+    loaded.as_ref().map_err(Clone::clone)
+}
+
+fn load(names: &[OsString]) -> Result<Functions, NotInstalled> {
+    let mut why = String::from("no name to look for");
+    for name in names {
+        // SAFETY: what runs on opening is the start-up code of Embree and of the libraries it needs, which ask nothing
+        // of the program that opens them.
+        match unsafe { Library::new(name) }.and_then(Functions::of) {
+            Ok(functions) => return Ok(functions),
+            Err(error) => why = format!("{:#}", anyhow::Error::from(error)),
+        }
+    }
+    Err(NotInstalled(why))
+}
+
+/// Whether there is an Embree to call.
+pub(super) fn check_installed() -> Result<(), NotInstalled> {
+    functions().map(|_| ())
+}
+
+/// What all devices have allocated, and the most of it since [`Scene::commit`] last looked.
+static BYTES_IN_USE: AtomicIsize = AtomicIsize::new(0);
+static BYTES_AT_PEAK: AtomicIsize = AtomicIsize::new(0);
+
+extern "C" fn note_memory(_: *mut c_void, bytes: isize, _: bool) -> bool {
+    let in_use = BYTES_IN_USE.fetch_add(bytes, Ordering::Relaxed) + bytes;
+    BYTES_AT_PEAK.fetch_max(in_use, Ordering::Relaxed);
+    true
+}
+
+/// A device with a scene that holds a mesh, in buffers of Embree's own.
+#[derive(Debug)]
+struct Handles {
+    functions: &'static Functions,
+    device: Handle,
+    scene: Handle,
+}
+
+/// A mesh in Embree's hands, to be built over.
+#[derive(Debug)]
+pub(super) struct Input(Handles);
+
+/// A scene that is ready to trace.
+#[derive(Debug)]
+pub(super) struct Scene {
+    handles: Handles,
+    /// What it takes, without the mesh's buffers.
+    pub(super) bytes: usize,
+    /// The most that its build had allocated at a time, without the mesh's buffers.
+    pub(super) peak_bytes: usize,
+}
+
+// SAFETY: the handles are reference counted objects of a library that may be used from any thread.
+unsafe impl Send for Scene {}
+// SAFETY: the only calls through a shared scene are queries, which may run on any number of threads once a scene is
+// committed, and nothing changes one that is.
+unsafe impl Sync for Scene {}
+
+impl Input {
+    /// Copies a mesh. Builds over it will have so many threads.
+    pub(super) fn new(
+        mesh: &Mesh,
+        quality: Quality,
+        robust: bool,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
+        let functions = functions()?;
+        let config = CString::new(format!("threads={threads},set_affinity=0"))?;
+        // SAFETY: the text ends with 0 and outlives the call, which copies what it needs.
+        let device = unsafe { (functions.new_device)(config.as_ptr()) };
+        anyhow::ensure!(!device.is_null(), "Embree gives no device");
+        // SAFETY: the device is valid; the function may be called from any thread and uses no data of its caller.
+        unsafe { (functions.monitor_memory)(device, note_memory, ptr::null_mut()) };
+        // SAFETY: the device is valid.
+        let scene = unsafe { (functions.new_scene)(device) };
+        let handles = Handles {
+            functions,
+            device,
+            scene,
+        };
+        // SAFETY: the scene is valid, and the quality one of its enumeration.
+        unsafe { (functions.set_scene_quality)(scene, quality as c_int) };
+        // SAFETY: the scene is valid, and the flags are of its enumeration.
+        unsafe { (functions.set_scene_flags)(scene, if robust { FLAG_ROBUST } else { 0 }) };
+        handles.attach(mesh, quality)?;
+        handles.check()?;
+        Ok(Self(handles))
+    }
+
+    /// Builds. This is what is timed.
+    pub(super) fn commit(self) -> anyhow::Result<Scene> {
+        let Self(handles) = self;
+        let before = BYTES_IN_USE.load(Ordering::Relaxed);
+        BYTES_AT_PEAK.store(before, Ordering::Relaxed);
+        // SAFETY: the scene is valid, and nobody else has it.
+        unsafe { (handles.functions.commit_scene)(handles.scene) };
+        handles.check()?;
+        let grown = |to: &AtomicIsize| to.load(Ordering::Relaxed).saturating_sub(before).max(0);
+        Ok(Scene {
+            bytes: grown(&BYTES_IN_USE).unsigned_abs(),
+            peak_bytes: grown(&BYTES_AT_PEAK).unsigned_abs(),
+            handles,
+        })
+    }
+}
+
+impl Handles {
+    /// Adds the mesh to the scene, as its geometry 0.
+    fn attach(&self, mesh: &Mesh, quality: Quality) -> anyhow::Result<()> {
+        let functions = self.functions;
+        // SAFETY: the device is valid.
+        let geometry = unsafe { (functions.new_geometry)(self.device, TRIANGLES) };
+        // SAFETY: the geometry is valid, and the quality one of its enumeration.
+        unsafe { (functions.set_geometry_quality)(geometry, quality as c_int) };
+        let copied = self
+            .fill(geometry, VERTEX_BUFFER, THREE_FLOATS, mesh.positions())
+            .and_then(|()| self.fill(geometry, INDEX_BUFFER, THREE_UINTS, mesh.triangles()));
+        if copied.is_ok() {
+            // SAFETY: the geometry is valid and has its two buffers.
+            unsafe { (functions.commit_geometry)(geometry) };
+            // SAFETY: both are valid and of one device.
+            unsafe { (functions.attach_geometry)(self.scene, geometry) };
+        }
+        // SAFETY: the geometry is valid; the scene keeps a reference of its own.
+        unsafe { (functions.release_geometry)(geometry) };
+        copied
+    }
+
+    /// Gives a geometry a buffer with a copy of `values`, whose layout is `format`: triples of 4 bytes.
+    fn fill<T: Copy>(
+        &self,
+        geometry: Handle,
+        buffer: c_int,
+        format: c_int,
+        values: &[[T; 3]],
+    ) -> anyhow::Result<()> {
+        const STRIDE: usize = 12;
+        assert_eq!(size_of::<[T; 3]>(), STRIDE, "triples of 4 bytes");
+        let new_buffer = self.functions.new_buffer;
+        // SAFETY: the geometry is valid; the buffer is one that triangles have, in its one format.
+        let place = unsafe { new_buffer(geometry, buffer, 0, format, STRIDE, values.len()) };
+        anyhow::ensure!(!place.is_null(), "Embree has no memory for the mesh");
+        // SAFETY: the buffer is new, so it overlaps nothing, and was made for this many values of this size; Embree
+        // aligns buffers to 16 bytes or more.
+        unsafe { ptr::copy_nonoverlapping(values.as_ptr(), place.cast(), values.len()) };
+        Ok(())
+    }
+
+    /// The first error since this was last asked.
+    fn check(&self) -> anyhow::Result<()> {
+        // SAFETY: the device is valid.
+        let code = unsafe { (self.functions.device_error)(self.device) };
+        (code == 0)
+            .then_some(())
+            .with_context(|| format!("Embree reports error {code}"))
+    }
+}
+
+impl Drop for Handles {
+    fn drop(&mut self) {
+        // SAFETY: the scene is valid, and this is its one reference.
+        unsafe { (self.functions.release_scene)(self.scene) };
+        // SAFETY: the device is valid, and this is its one reference.
+        unsafe { (self.functions.release_device)(self.device) };
+    }
+}
+
+impl Scene {
+    /// The closest hit of one ray.
+    #[inline]
+    pub(super) fn intersect1(&self, context: &mut QueryContext, ray: &mut RayHit1) {
+        let Handles {
+            functions, scene, ..
+        } = self.handles;
+        // SAFETY: the scene is committed; the types are those of the headers, aligned as they say.
+        unsafe { (functions.intersect1)(scene, context, ray) }
+    }
+
+    /// Whether one ray hits anything.
+    #[inline]
+    pub(super) fn occluded1(&self, context: &mut QueryContext, ray: &mut Ray1) {
+        let Handles {
+            functions, scene, ..
+        } = self.handles;
+        // SAFETY: as for `intersect1`.
+        unsafe { (functions.occluded1)(scene, context, ray) }
+    }
+
+    /// The closest hits of eight rays.
+    #[inline]
+    pub(super) fn intersect8(&self, context: &mut QueryContext, rays: &mut RayHit8) {
+        let Handles {
+            functions, scene, ..
+        } = self.handles;
+        // SAFETY: as for `intersect1`; the lanes are as many as the rays and aligned like them.
+        unsafe { (functions.intersect8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
+    }
+
+    /// Whether each of eight rays hits anything.
+    #[inline]
+    pub(super) fn occluded8(&self, context: &mut QueryContext, rays: &mut Ray8) {
+        let Handles {
+            functions, scene, ..
+        } = self.handles;
+        // SAFETY: as for `intersect8`.
+        unsafe { (functions.occluded8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_the_library_the_message_says_how_to_install_it() {
+        let missing = load(&["libembree-that-is-not-there.so".into()])
+            .expect_err("there is no such library")
+            .to_string();
+        for part in [
+            "libembree-that-is-not-there.so",
+            "apt-get install libembree-dev",
+        ] {
+            assert!(missing.contains(part), "{part} in: {missing}");
+        }
+        assert!(!missing.contains('\n'), "one line: {missing}");
+    }
+
+    #[test]
+    fn layouts_are_those_of_the_headers() {
+        let sizes = [
+            size_of::<Ray1>(),
+            size_of::<RayHit1>(),
+            size_of::<Ray8>(),
+            size_of::<RayHit8>(),
+        ];
+        assert_eq!(sizes, [48, 80, 384, 640], "bytes");
+    }
+}
