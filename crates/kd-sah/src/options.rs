@@ -64,28 +64,30 @@ pub struct BuildOptions {
 const DEPTH_CAP: u32 = 48;
 
 impl BuildOptions {
-    /// A smaller tree: up to 8 triangles stay together, and a split must pay at once. Against
-    /// [`balanced`](Self::balanced) it builds 1.1 to 1.5 times as fast and traces 0.88 to 0.99 times as fast.
-    ///
-    /// (`cargo xtask bench --scene gears,mount,lattice,jacks,teapot --builder fast,balanced,best --rays diffuse,random
-    /// --samples 5`, 2026-11-23, one thread.)
+    /// For meshes that change often: few bins, and planes across the longest axis of a cell only.
     pub const fn fast() -> Self {
         Self {
-            small_leaf: 8,
-            bad_refines: 0,
+            method: Method::Hybrid {
+                bins: 16,
+                exact_below: 64,
+            },
+            longest_axis: true,
             ..Self::balanced()
         }
     }
 
-    /// The default: up to 6 triangles stay together, and one split on the way to a leaf may cost more than it saves.
+    /// The default: bins for large cells, exact planes for small ones.
     pub const fn balanced() -> Self {
         Self {
-            method: Method::Exact,
+            method: Method::Hybrid {
+                bins: 32,
+                exact_below: 64,
+            },
             cost: CostModel::PACKED,
             max_depth: None,
             max_refs: None,
-            small_leaf: 6,
-            bad_refines: 1,
+            small_leaf: 1,
+            bad_refines: 0,
             retraction: true,
             threads: 0,
             median_levels: 0,
@@ -93,12 +95,10 @@ impl BuildOptions {
         }
     }
 
-    /// Leaves are divided for as long as that may pay. Against [`balanced`](Self::balanced) it builds 0.35 to 0.56 times
-    /// as fast and traces 1.00 to 1.05 times as fast, in the run named at [`fast`](Self::fast).
+    /// Exact planes everywhere.
     pub const fn best() -> Self {
         Self {
-            small_leaf: 1,
-            bad_refines: 3,
+            method: Method::Exact,
             ..Self::balanced()
         }
     }
