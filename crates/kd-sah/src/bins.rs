@@ -58,7 +58,7 @@ impl Grid {
     #[inline]
     fn bins_of(&self, position: Vec4) -> [u8; 3] {
         let at = (position - self.origin) * self.scale - Vec4::splat(0.5);
-        let at = at.max(Vec4::ZERO).min(Vec4::splat(self.last)) + Vec4::splat(INTEGERS);
+        let at = at.max(Vec4::ZERO).min(Vec4::splat(self.last)) + Vec4::splat(AxisGrid::INTEGERS);
         [at.x, at.y, at.z].map(low_byte)
     }
 
@@ -81,19 +81,33 @@ impl Grid {
 /// A [`Grid`] along one axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AxisGrid {
-    origin: f32,
-    scale: f32,
-    last: f32,
+    pub(crate) origin: f32,
+    pub(crate) scale: f32,
+    pub(crate) last: f32,
 }
 
 impl AxisGrid {
+    /// 2²³: adding it rounds to a whole number, which then stands in the lowest bits.
+    pub(crate) const INTEGERS: f32 = (1 << 23) as f32;
+
     /// The bin of a position in the box.
     #[inline]
     pub(crate) fn bin(&self, position: f32) -> u8 {
+        low_byte(self.rounded(position))
+    }
+
+    /// The number of the bin, with [`INTEGERS`](Self::INTEGERS) added.
+    #[inline]
+    pub(crate) fn rounded(&self, position: f32) -> f32 {
         let at = (position - self.origin) * self.scale - 0.5;
         let at = if at > 0.0 { at } else { 0.0 };
         let at = if at < self.last { at } else { self.last };
-        low_byte(at + INTEGERS)
+        at + Self::INTEGERS
+    }
+
+    /// What [`rounded`](Self::rounded) gives for positions in a bin.
+    pub(crate) fn as_rounded(bin: u8) -> f32 {
+        f32::from(bin) + Self::INTEGERS
     }
 }
 
@@ -120,9 +134,6 @@ impl Edges {
         (start.max(0.0), end.min(1.0))
     }
 }
-
-/// 2²³: adding it rounds to a whole number, which then stands in the lowest bits.
-const INTEGERS: f32 = (1 << 23) as f32;
 
 #[inline]
 #[allow(clippy::cast_possible_truncation, reason = "the lowest byte is meant")]

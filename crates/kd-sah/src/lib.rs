@@ -40,9 +40,12 @@
 //! - The same input and options give the same bytes, whatever the number of threads.
 //! - Empty input gives one empty leaf. Zero-area primitives are kept, and end the recursion like any other.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod bins;
 mod cell;
 mod choose;
+mod collect;
 mod driver;
 mod events;
 mod lazy;

@@ -79,7 +79,8 @@ impl LeafCost {
             Some(shift) => (count + lanes - 1) >> shift,
             None => count.div_ceil(lanes),
         };
-        self.block * blocks as f32
+        // Signed, which is one instruction; there are no more than fit.
+        self.block * blocks.cast_signed() as f32
     }
 
     /// Whether no plane with primitives on both sides can make the cell cheaper than a leaf of `count`, however it is

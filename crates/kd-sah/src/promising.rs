@@ -6,16 +6,14 @@
 //! costs no more than a plane anywhere between: the boundaries of bins, whose cost is known, tell what the best plane
 //! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins are collected, sorted and swept, most promising bin first, until no bin can hold anything better.
 
-use std::ops::Range;
-
 use kd_core::Axis;
 use smallvec::SmallVec;
 
-use crate::bins::{Bins, Grid, MOST_BINS};
+use crate::bins::{Bins, Grid};
 use crate::cell::Cell;
-use crate::events::{Event, sweep};
+use crate::collect::{Collected, Wanted};
+use crate::events::sweep;
 use crate::plane::{BestPlane, CellCost, Side};
-use crate::prim::Prim;
 use crate::tasks::{self, CHUNK};
 
 /// A bin, and what bounds its planes.
@@ -133,30 +131,34 @@ impl<'a> Promising<'a> {
         chunks: &[Bins],
         parallel: bool,
     ) {
-        let table = Table::of(&self.candidates);
+        let bins = self.candidates.iter().map(|c| (c.axis, c.bin));
+        let wanted = Wanted::new(bins.clone());
         let chunks = cell.prims.chunks(CHUNK).zip(chunks).collect();
-        let collected = tasks::map(chunks, parallel, |(prims, bins)| {
-            let prims = prims.iter().step_by(self.step);
-            Collected::of(prims, bins, self.grid, &self.candidates, &table)
+        let collected = tasks::map(chunks, parallel, |(prims, counted): (_, &Bins)| {
+            let counts = bins.clone().map(|(axis, bin)| {
+                let (starts, ends) = counted.at(axis, bin);
+                starts + ends
+            });
+            Collected::of(prims, self.step, self.grid, &wanted, counts)
         });
         // Those that several threads look into at once do not know of each other.
-        let tasks = if parallel && collected.len() > 1 {
+        let stride = if parallel && collected.len() > 1 {
             self.candidates.len()
         } else {
             1
         };
         let known = *best;
-        let found = tasks::map((0..tasks).collect(), parallel, |task| {
+        let found = tasks::map((0..stride).collect(), parallel, |first| {
             let mut best = known;
             let mut events = Vec::new();
-            for number in (task..self.candidates.len()).step_by(tasks) {
+            for number in (first..self.candidates.len()).step_by(stride) {
                 let candidate = &self.candidates[number];
                 if candidate.at_least > best.least_cost() {
                     break;
                 }
                 events.clear();
                 for part in &collected {
-                    events.extend_from_slice(part.of_candidate(number));
+                    events.extend_from_slice(part.in_bin(number));
                 }
                 events.sort_unstable();
                 sweep(
@@ -172,92 +174,5 @@ impl<'a> Promising<'a> {
         for plane in found.into_iter().flatten() {
             best.take(plane);
         }
-    }
-}
-
-/// Which candidate a bin is. All that are none share a number behind the last candidate's.
-struct Table {
-    numbers: [[u16; MOST_BINS]; 3],
-    /// Whether there is any candidate on an axis.
-    has_any: [bool; 3],
-}
-
-impl Table {
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "at most three times MOST_BINS"
-    )]
-    fn of(candidates: &[Candidate]) -> Self {
-        let mut table = Self {
-            numbers: [[candidates.len() as u16; MOST_BINS]; 3],
-            has_any: [false; 3],
-        };
-        for (number, candidate) in (0_u16..).zip(candidates) {
-            table.numbers[candidate.axis.index()][candidate.bin] = number;
-            table.has_any[candidate.axis.index()] = true;
-        }
-        table
-    }
-}
-
-/// Starts and ends of some primitives, those of each candidate together.
-struct Collected {
-    events: Vec<Event>,
-    /// Where those of each candidate start and end; what belongs to no candidate has a place of its own at the end.
-    ranges: SmallVec<[Range<usize>; 64]>,
-}
-
-impl Collected {
-    fn of<'a>(
-        prims: impl Iterator<Item = &'a Prim> + Clone,
-        bins: &Bins,
-        grid: &Grid,
-        candidates: &[Candidate],
-        table: &Table,
-    ) -> Self {
-        let lengths = candidates.iter().map(|candidate| {
-            let (starts, ends) = bins.at(candidate.axis, candidate.bin);
-            starts + ends
-        });
-        let mut ranges = SmallVec::with_capacity(candidates.len() + 1);
-        let mut total = 0;
-        for length in lengths.chain([1]) {
-            ranges.push(total..total);
-            total += length;
-        }
-        let mut collected = Self {
-            events: vec![Event::NONE; total],
-            ranges,
-        };
-        let (events, ranges) = (&mut *collected.events, &mut *collected.ranges);
-        // Without a branch on whether anybody wants it, which nobody could predict.
-        let mut put = |number: u16, event: Event| {
-            let number = usize::from(number);
-            let range = &mut ranges[number];
-            events[range.end] = event;
-            range.end += usize::from(number != candidates.len());
-        };
-        for axis in Axis::ALL {
-            if !table.has_any[axis.index()] {
-                continue;
-            }
-            let numbers = &table.numbers[axis.index()];
-            let grid = grid.along(axis);
-            let number = |position| numbers[usize::from(grid.bin(position))];
-            for prim in prims.clone() {
-                let (start, end) = (prim.start(axis), prim.end(axis));
-                if start == end {
-                    put(number(start), Event::planar(start));
-                } else {
-                    put(number(start), Event::start(start));
-                    put(number(end), Event::end(end));
-                }
-            }
-        }
-        collected
-    }
-
-    fn of_candidate(&self, number: usize) -> &[Event] {
-        &self.events[self.ranges[number].clone()]
     }
 }

@@ -2,12 +2,9 @@
 //! candidates at a time.
 //!
 //! This is the naive method, and for few primitives the fastest: no sorting, no branches that depend on the data. The
-//! body is compiled twice, for whatever the target has and for AVX2 ([`avx2`]), and the processor decides at run time
+//! body is compiled twice, for whatever the target has and for AVX2, and the processor decides at run time
 //! which one runs. Only comparisons, integers and single operations on f32 are in it, nothing that a wider instruction
 //! would round differently, so both give the same plane.
-
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 
 use kd_core::Axis;
 
@@ -30,14 +27,14 @@ type Lanes<T> = [T; LANES];
 /// If there are more than [`SMALL`] primitives.
 pub(crate) fn best_plane(prims: &[Prim], cost: &CellCost) -> Option<Plane> {
     #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = avx2::Avx2::detect() {
+    if let Some(avx2) = crate::avx2::Avx2::detect() {
         return avx2.best_plane(prims, cost);
     }
     best_plane_by(Portable, prims, cost)
 }
 
 /// A way to count.
-trait Count: Copy {
+pub(crate) trait Count: Copy {
     /// Of each candidate, how many primitives start below it, and how many end above it.
     fn below_and_above(
         self,
@@ -71,7 +68,7 @@ impl Count for Portable {
 }
 
 #[inline(always)]
-fn best_plane_by(count: impl Count, prims: &[Prim], cost: &CellCost) -> Option<Plane> {
+pub(crate) fn best_plane_by(count: impl Count, prims: &[Prim], cost: &CellCost) -> Option<Plane> {
     let number = prims.len();
     assert!(number <= SMALL, "{number} are too many");
     let mut best = BestPlane::new(cost);

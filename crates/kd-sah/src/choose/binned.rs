@@ -16,12 +16,12 @@ use crate::cell::Cell;
 use crate::plane::{BestPlane, CellCost, Plane, offer_empty_cuts};
 use crate::promising::Promising;
 
-/// Above so many primitives only every lth is looked at, l = log₁₀ N: what is counted is then an estimate, while the
-/// side of each primitive is decided by the plane, exactly.
-const SAMPLE_ABOVE: usize = 1 << 13;
+/// Above so many primitives a bin, only every lth is looked at, l = log₁₀ N: what is counted is then an estimate, while
+/// the side of each primitive is decided by the plane, exactly.
+const SAMPLE_ABOVE: usize = 128;
 
-/// Of so many bins an axis, one is looked into.
-const BINS_PER_LOOK: usize = 4;
+/// Of so many bins on all axes considered, one is looked into.
+const BINS_PER_LOOK: usize = 12;
 
 /// Binned planes, with so many bins an axis.
 #[derive(Debug)]
@@ -31,24 +31,27 @@ pub(crate) struct Binned {
 
 impl Memoryless for Binned {
     fn plane(&self, cell: Cell<'_>, cost: &CellCost, parallel: bool) -> Option<Plane> {
-        let step = step(cell.prims.len());
+        let step = self.step(cell.prims.len());
         let grid = Grid::new(&cell.place.tight, self.bins);
         let chunks = bins::count(cell, cost.considered, &grid, step, parallel);
         let mut best = BestPlane::new(cost);
         offer_empty_cuts(&mut best, &cell.place.tight, cell.prims.len());
         let mut promising = Promising::of(&Bins::sum(&chunks), step, &grid, cost);
         promising.offer_boundary_to(&mut best);
-        promising.limit(self.bins.div_ceil(BINS_PER_LOOK));
+        let bins = self.bins * cost.considered.len();
+        promising.limit((bins / BINS_PER_LOOK).max(1));
         promising.offer_to(&mut best, cell, &chunks, parallel);
         best.found()
     }
 }
 
-/// Each which primitive is looked at.
-fn step(count: usize) -> usize {
-    if count > SAMPLE_ABOVE {
-        count.ilog10() as usize
-    } else {
-        1
+impl Binned {
+    /// Each which primitive is looked at.
+    fn step(&self, count: usize) -> usize {
+        if count > SAMPLE_ABOVE * self.bins {
+            count.ilog10() as usize
+        } else {
+            1
+        }
     }
 }

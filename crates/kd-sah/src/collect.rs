@@ -1,0 +1,265 @@
+//! The starts and ends that lie in some of the bins, those of each bin together.
+//!
+//! Most positions lie in no bin that anybody asks for, so eight at a time are first held against the outermost bins of
+//! interest. As in [`small`](crate::small), the same body is compiled for whatever the target has and for AVX2.
+
+use std::ops::Range;
+
+use kd_core::Axis;
+use smallvec::SmallVec;
+
+use crate::bins::{AxisGrid, Grid, MOST_BINS};
+use crate::events::Event;
+use crate::prim::Prim;
+
+/// Positions looked at together.
+const LANES: usize = 8;
+
+/// Bins that are asked for, each with a number.
+pub(crate) struct Wanted {
+    axes: [WantedAxis; 3],
+    count: usize,
+}
+
+/// The wanted bins along one axis.
+#[derive(Clone, Copy)]
+struct WantedAxis {
+    /// The number of each bin; all that are not wanted share one behind the last.
+    numbers: [u16; MOST_BINS],
+    /// The outermost wanted bins; the first behind the last if there are none.
+    first: u8,
+    last: u8,
+}
+
+impl Wanted {
+    /// Numbers the bins in their order.
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "at most MOST_BINS along three axes, each below MOST_BINS"
+    )]
+    pub(crate) fn new(bins: impl ExactSizeIterator<Item = (Axis, usize)>) -> Self {
+        let count = bins.len();
+        let none = WantedAxis {
+            numbers: [count as u16; MOST_BINS],
+            first: u8::MAX,
+            last: 0,
+        };
+        let mut axes = [none; 3];
+        for (number, (axis, bin)) in (0_u16..).zip(bins) {
+            let axis = &mut axes[axis.index()];
+            axis.numbers[bin] = number;
+            axis.first = axis.first.min(bin as u8);
+            axis.last = axis.last.max(bin as u8);
+        }
+        Self { axes, count }
+    }
+}
+
+/// Starts and ends of some primitives.
+#[derive(Debug)]
+pub(crate) struct Collected {
+    events: Vec<Event>,
+    /// Where those of each bin are.
+    ranges: SmallVec<[Range<usize>; 64]>,
+}
+
+impl Collected {
+    /// `counts` tells how many there are in each wanted bin, if both ends of every primitive are counted.
+    pub(crate) fn of(
+        prims: &[Prim],
+        step: usize,
+        grid: &Grid,
+        wanted: &Wanted,
+        counts: impl Iterator<Item = usize>,
+    ) -> Self {
+        let mut ranges = SmallVec::with_capacity(wanted.count + 1);
+        let mut total = 0;
+        // What is not wanted has a place of its own at the end.
+        for count in counts.chain([1]) {
+            ranges.push(total..total);
+            total += count;
+        }
+        let mut collected = Self {
+            events: vec![Event::NONE; total],
+            ranges,
+        };
+        for axis in Axis::ALL {
+            let along = &wanted.axes[axis.index()];
+            if along.first <= along.last {
+                let grid = grid.along(axis);
+                let search = Search {
+                    axis,
+                    grid: &grid,
+                    along,
+                    unwanted: wanted.count,
+                };
+                search.collect(prims, step, &mut collected);
+            }
+        }
+        collected
+    }
+
+    /// Those in one of the wanted bins.
+    pub(crate) fn in_bin(&self, number: usize) -> &[Event] {
+        &self.events[self.ranges[number].clone()]
+    }
+}
+
+/// A search along one axis.
+pub(crate) struct Search<'a> {
+    axis: Axis,
+    grid: &'a AxisGrid,
+    along: &'a WantedAxis,
+    unwanted: usize,
+}
+
+/// A way to look at positions.
+pub(crate) trait Look: Copy {
+    /// A bit for each position that lies between the outermost wanted bins.
+    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: &[f32; LANES]) -> u32;
+}
+
+/// Whatever the target has.
+#[derive(Clone, Copy)]
+struct Portable;
+
+impl Look for Portable {
+    #[inline(always)]
+    fn between(self, grid: &AxisGrid, (first, last): (f32, f32), positions: &[f32; LANES]) -> u32 {
+        let mut bits = 0;
+        for (lane, &position) in positions.iter().enumerate() {
+            let bin = grid.rounded(position);
+            bits |= u32::from(first <= bin && bin <= last) << lane;
+        }
+        bits
+    }
+}
+
+impl Search<'_> {
+    fn collect(&self, prims: &[Prim], step: usize, into: &mut Collected) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = crate::avx2::Avx2::detect() {
+            return avx2.collect(self, prims, step, into);
+        }
+        self.collect_by(Portable, prims, step, into);
+    }
+
+    #[inline(always)]
+    pub(crate) fn collect_by(
+        &self,
+        look: impl Look,
+        prims: &[Prim],
+        step: usize,
+        into: &mut Collected,
+    ) {
+        let bins = (
+            AxisGrid::as_rounded(self.along.first),
+            AxisGrid::as_rounded(self.along.last),
+        );
+        for group in prims.chunks(step * LANES) {
+            let (mut starts, mut ends) = ([0.0; LANES], [0.0; LANES]);
+            let mut there = 0;
+            for (lane, prim) in group.iter().step_by(step).enumerate() {
+                starts[lane] = prim.start(self.axis);
+                ends[lane] = prim.end(self.axis);
+                there |= 1 << lane;
+            }
+            let mut bits = there & look.between(self.grid, bins, &starts);
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize % LANES;
+                bits &= bits - 1;
+                let (start, end) = (starts[lane], ends[lane]);
+                let event = if start == end {
+                    Event::planar(start)
+                } else {
+                    Event::start(start)
+                };
+                self.put(start, event, into);
+            }
+            let mut bits = there & look.between(self.grid, bins, &ends);
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize % LANES;
+                bits &= bits - 1;
+                let (start, end) = (starts[lane], ends[lane]);
+                if start != end {
+                    self.put(end, Event::end(end), into);
+                }
+            }
+        }
+    }
+
+    /// Without a branch on whether its bin is wanted.
+    #[inline(always)]
+    fn put(&self, position: f32, event: Event, into: &mut Collected) {
+        let bin = self.grid.bin(position);
+        let number = usize::from(self.along.numbers[usize::from(bin)]);
+        let range = &mut into.ranges[number];
+        into.events[range.end] = event;
+        range.end += usize::from(number != self.unwanted);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::Aabb;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::bins::{self, Bins};
+    use crate::cell::{Cell, Place};
+
+    proptest! {
+        /// What the processor has, and what every target has, against asking for the bin of each position.
+        #[test]
+        fn all_ways_collect_the_same(
+            boxes in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], 0_i8..4), 1..90),
+            step in 1_usize..4,
+            first in 0_usize..16,
+            second in 0_usize..16,
+        ) {
+            let prims: Vec<Prim> = (0_u32..)
+                .zip(&boxes)
+                .map(|(slot, (min, size))| {
+                    let min = Vec3::from_array(min.map(f32::from));
+                    Prim::new(slot, &Aabb { min, max: min + f32::from(*size) })
+                })
+                .collect();
+            let bounds = prims.iter().fold(Aabb::EMPTY, |all, prim| all.union(&prim.bounds()));
+            let place = Place { bounds, tight: bounds, depth: 0 };
+            let cell = Cell { place: &place, prims: &prims };
+            let grid = Grid::new(&bounds, 16);
+            let bins = Bins::sum(&bins::count(cell, &Axis::ALL, &grid, step, false)).into_owned();
+            let asked = [(Axis::X, first), (Axis::X, second), (Axis::Z, second)];
+            let asked = if first == second { &asked[1..] } else { &asked };
+            let wanted = Wanted::new(asked.iter().copied());
+            let counts = asked.iter().map(|&(axis, bin)| {
+                let (starts, ends) = bins.at(axis, bin);
+                starts + ends
+            });
+            let collected = Collected::of(&prims, step, &grid, &wanted, counts);
+            for (number, &(axis, bin)) in asked.iter().enumerate() {
+                let grid = grid.along(axis);
+                let mut expected = Vec::new();
+                for prim in prims.iter().step_by(step) {
+                    let mut all = Vec::new();
+                    crate::events::push_events(&mut all, axis, 0, prim);
+                    expected.extend(all.into_iter().filter(|event| usize::from(grid.bin(event.position())) == bin));
+                }
+                let mut found = collected.in_bin(number).to_vec();
+                found.sort_unstable();
+                expected.sort_unstable();
+                prop_assert_eq!(found, expected, "bin {} of {:?}", bin, axis);
+            }
+            let positions: [f32; LANES] = std::array::from_fn(|lane| prims[lane % prims.len()].start(Axis::Y));
+            let (grid, range) = (grid.along(Axis::Y), (first.min(second), first.max(second)));
+            let range = (AxisGrid::as_rounded(range.0.try_into().expect("small")), AxisGrid::as_rounded(range.1.try_into().expect("small")));
+            let portable = Portable.between(&grid, range, &positions);
+            #[cfg(target_arch = "x86_64")]
+            if let Some(avx2) = crate::avx2::Avx2::detect() {
+                prop_assert_eq!(avx2.between(&grid, range, &positions), portable);
+            }
+            prop_assert!(portable < 256);
+        }
+    }
+}
