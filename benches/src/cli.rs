@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::calibrate::CalibrateArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
 
@@ -25,6 +26,8 @@ pub(crate) enum Command {
         /// A folder that `bench` wrote, for example target/bench/latest
         run: PathBuf,
     },
+    /// Fit the cost of each step of a traversal to measured rays
+    Calibrate(CalibrateArgs),
     /// List what differs between two runs; fails on any difference that is not a time
     Compare {
         /// A folder that `bench` wrote, or a file of JSON lines
@@ -95,7 +98,7 @@ pub(crate) struct BenchArgs {
     pub(crate) out: Option<PathBuf>,
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
+pub(crate) fn at_least_one(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("must be at least 1".into()),
         Ok(n) => Ok(n),

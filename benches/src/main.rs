@@ -1,13 +1,14 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | report | compare`.
+//! Started by `cargo xtask bench | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "a command line program talks to its user there"
 )]
 
+mod calibrate;
 mod check;
 mod cli;
 mod compare;
@@ -37,6 +38,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Compare { before, after } => compare::run(&before, &after),
     };
     match outcome {

@@ -88,8 +88,21 @@ impl SceneSource {
 
 /// The scenes that the command line asks for.
 pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<SceneSource>> {
-    let mut sources = generated(arguments.smoke);
-    if let Some(folder) = &arguments.scenes {
+    choose_named(
+        arguments.scenes.as_deref(),
+        &arguments.scene,
+        arguments.smoke,
+    )
+}
+
+/// The scenes of these names, or all: generated ones and the meshes in `folder`.
+pub(crate) fn choose_named(
+    folder: Option<&Path>,
+    names: &[String],
+    smoke: bool,
+) -> anyhow::Result<Vec<SceneSource>> {
+    let mut sources = generated(smoke);
+    if let Some(folder) = folder {
         sources.extend(in_folder(folder)?);
     }
     for (index, source) in sources.iter().enumerate() {
@@ -100,11 +113,11 @@ pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<SceneSource>> 
             return Err(UsageError(format!("two scenes are called `{}`", source.name)).into());
         }
     }
-    if arguments.scene.is_empty() {
+    if names.is_empty() {
         return Ok(sources);
     }
     let mut chosen = Vec::new();
-    for wanted in &arguments.scene {
+    for wanted in names {
         // A mesh file called like a family of generated scenes is meant by that name, not the family.
         let exact = sources.iter().position(|source| source.name == *wanted);
         let found = exact.or_else(|| {

@@ -111,6 +111,14 @@ impl Variant {
     }
 }
 
+impl Variant {
+    /// The tree alone, without what is derived from it to trace faster: what `peak_build_bytes` is about.
+    pub(crate) fn build_bare(self, mesh: &Mesh) -> anyhow::Result<kd::Tree> {
+        let options = self.builder.options().with_threads(1);
+        kd::custom::build(mesh, &options).with_context(|| format!("cannot build {self}"))
+    }
+}
+
 /// What every structure can do. Queries take whole lists, so that one virtual call serves many rays.
 pub(crate) trait Structure: Send + Sync {
     /// The closest hit of each ray.

@@ -265,8 +265,9 @@ impl Sweep {
             || build(variant),
         )?;
         // On one thread, so that the peak does not depend on which threads happen to work at the same time.
-        let (structure, peak_build_bytes) = peak_bytes_during(|| variant.build(&scene.mesh, 1));
-        let structure = structure?;
+        let (bare, peak_build_bytes) = peak_bytes_during(|| variant.build_bare(&scene.mesh));
+        drop(bare?);
+        let structure = build(variant)?;
         if let Some(flaw) = structure.flaw() {
             self.problems.push(format!("{name} {variant}: {flaw}"));
         }

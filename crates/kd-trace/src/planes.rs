@@ -43,7 +43,6 @@
 //! Where anything overflows, an interval end becomes infinite or NaN, and every comparison is written so that NaN
 //! visits. Such rays are slow, not wrong.
 
-use glam::Vec3;
 use kd_core::{Aabb, Ray};
 
 use crate::float::{max, min};
