@@ -13,7 +13,7 @@ pub(crate) struct Environment {
     pub(crate) cpu: String,
     /// Version of the compiler that built this program.
     pub(crate) rustc: String,
-    /// The widest vector instructions this program was compiled to use.
+    /// The widest vector instructions that rays are traced with.
     pub(crate) simd: String,
 }
 
@@ -23,7 +23,7 @@ impl Environment {
             rev: revision().unwrap_or_else(|| "unknown".into()),
             cpu: cpu().unwrap_or_else(|| std::env::consts::ARCH.into()),
             rustc: env!("KD_BENCH_RUSTC").into(),
-            simd: compiled_simd().into(),
+            simd: simd().into(),
         }
     }
 }
@@ -62,6 +62,16 @@ fn cpu() -> Option<String> {
     let info = fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = info.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+/// What a tree detects, or what the whole program was compiled for.
+fn simd() -> &'static str {
+    let level = kd::Level::detect();
+    if level == kd::Level::portable() {
+        compiled_simd()
+    } else {
+        level.name()
+    }
 }
 
 fn compiled_simd() -> &'static str {

@@ -92,10 +92,10 @@ fn least_squares(equations: &[Equation], subset: u32) -> Option<[f64; TERMS]> {
     }
     for i in (0..TERMS).filter(|i| subset & (1 << i) == 0) {
         right[i] = 0.0;
-        for j in 0..TERMS {
-            matrix[i][j] = 0.0;
-            matrix[j][i] = 0.0;
+        for row in &mut matrix {
+            row[i] = 0.0;
         }
+        matrix[i] = [0.0; TERMS];
         matrix[i][i] = 1.0;
     }
     solved(matrix, right)
@@ -110,8 +110,9 @@ fn solved(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> Option<
         }
         for row in (0..TERMS).filter(|row| *row != pivot) {
             let factor = matrix[row][pivot] / scale;
-            for column in 0..TERMS {
-                matrix[row][column] -= factor * matrix[pivot][column];
+            let pivot_row = matrix[pivot];
+            for (value, above) in matrix[row].iter_mut().zip(pivot_row) {
+                *value -= factor * above;
             }
             right[row] -= factor * right[pivot];
         }
@@ -153,7 +154,7 @@ mod tests {
     #[test]
     fn interrupted_measurements_do_not_count() {
         let costs = [30.0, 4.0, 3.0, 9.0, 25.0];
-        let sometimes = |i: usize| if i % 30 == 0 { 4.0 } else { 0.0 };
+        let sometimes = |i: usize| if i.is_multiple_of(30) { 4.0 } else { 0.0 };
         let fit = fit(&equations(costs, sometimes)).expect("equations");
         assert!((fit.costs[1] - 4.0).abs() < 0.01, "{fit:?}");
         assert_eq!(fit.kept, 380, "one in twenty is left out");

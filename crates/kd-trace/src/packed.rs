@@ -33,6 +33,9 @@ struct Block {
 
 const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
 
+const LANES_U32: u32 = 8;
+const _: () = assert!(LANES_U32 as usize == LANES, "the same number");
+
 impl Block {
     /// No triangles: whatever looks at a corner that is NaN finds no hit.
     const EMPTY: Self = Self {
@@ -109,8 +112,9 @@ impl PackedTree {
             if node.is_leaf() {
                 let triangles = node.count();
                 *node = Node::leaf(count, triangles).expect("a leaf's count fits a leaf");
+                let blocks = triangles.div_ceil(LANES_U32);
                 count = count
-                    .checked_add(triangles.div_ceil(LANES as u32))
+                    .checked_add(blocks)
                     .expect("32 bits count references, and a block holds at least one");
             }
         }
@@ -271,9 +275,9 @@ impl Walkable for PackedTree {
         let first = leaf.first_ref() as usize;
         for block in &self.blocks[first..first + triangles.div_ceil(LANES)] {
             probe.block();
-            let mut left = test.may_hit(&block.corners, triangles);
+            let left = test.may_hit(&block.corners, triangles);
             triangles = triangles.saturating_sub(LANES);
-            while let Some(lane) = left.next() {
+            for lane in left {
                 probe.decision();
                 let hit = test.decide(block.corners_of(lane), block.triangles[lane]);
                 if let Some(hit) = hit {
