@@ -78,6 +78,7 @@ pub struct PackedTree {
 /// A part of a tree's nodes, the same nodes packed, and the blocks that their leaves name.
 struct Part<'a> {
     sources: &'a [Node],
+    #[cfg(feature = "parallel")]
     nodes: &'a [Node],
     blocks: &'a mut [Block],
 }
@@ -122,6 +123,7 @@ impl PackedTree {
         let mut blocks = bytemuck::zeroed_vec(count as usize);
         fill(Part {
             sources: tree.nodes(),
+            #[cfg(feature = "parallel")]
             nodes: cast_slice(&pairs),
             blocks: &mut blocks,
         });
