@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use kd::{BuildOptions, KdTree, Mesh, Method, Ray};
+use kd::{BuildOptions, KdTree, Level, Mesh, Method, Ray};
 use kd_scene::{Camera, Spd};
 
 /// A scene that builds in milliseconds, and its camera.
@@ -47,6 +47,14 @@ fn single_ray(criterion: &mut Criterion) {
         bencher.iter(|| {
             rays.iter()
                 .filter_map(|ray| tree.intersect(black_box(ray)))
+                .count()
+        });
+    });
+    let portable = tree.clone().with_level(Level::portable());
+    group.bench_function("closest, portable", |bencher| {
+        bencher.iter(|| {
+            rays.iter()
+                .filter_map(|ray| portable.intersect(black_box(ray)))
                 .count()
         });
     });

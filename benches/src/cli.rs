@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::builds::BuildsArgs;
+use crate::calibrate::CalibrateArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
 
@@ -28,6 +29,8 @@ pub(crate) enum Command {
         /// A folder that `bench` wrote, for example target/bench/latest
         run: PathBuf,
     },
+    /// Fit the cost of each step of a traversal to measured rays
+    Calibrate(CalibrateArgs),
     /// List what differs between two runs; fails on any difference that is not a time
     Compare {
         /// A folder that `bench` wrote, or a file of JSON lines

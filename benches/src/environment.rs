@@ -15,7 +15,7 @@ pub(crate) struct Environment {
     pub(crate) rustc: String,
     /// The flags it was given.
     pub(crate) rustflags: String,
-    /// The widest vector instructions this program was compiled to use.
+    /// The widest vector instructions that rays are traced with.
     pub(crate) simd: String,
 }
 
@@ -26,7 +26,7 @@ impl Environment {
             cpu: cpu().unwrap_or_else(|| std::env::consts::ARCH.into()),
             rustc: env!("KD_BENCH_RUSTC").into(),
             rustflags: env!("KD_BENCH_RUSTFLAGS").into(),
-            simd: compiled_simd().into(),
+            simd: simd().into(),
         }
     }
 }
@@ -65,6 +65,16 @@ fn cpu() -> Option<String> {
     let info = fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = info.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+/// What a tree detects, or what the whole program was compiled for.
+fn simd() -> &'static str {
+    let level = kd::Level::detect();
+    if level == kd::Level::portable() {
+        compiled_simd()
+    } else {
+        level.name()
+    }
 }
 
 fn compiled_simd() -> &'static str {

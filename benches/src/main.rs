@@ -1,7 +1,7 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | report | compare`.
+//! Started by `cargo xtask bench | builds | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -9,6 +9,7 @@
 )]
 
 mod builds;
+mod calibrate;
 mod check;
 mod cli;
 mod compare;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Builds(arguments) => builds::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Compare { before, after } => compare::run(&before, &after),
     };
     match outcome {

@@ -190,6 +190,18 @@ impl Variant {
         };
         built.with_context(|| format!("cannot build {self}"))
     }
+
+    /// The most that was allocated at a time until our tree was there, without what is derived from it to trace faster;
+    /// `None` for a rival.
+    pub(crate) fn peak_bytes_of_tree(self, mesh: &Mesh) -> anyhow::Result<Option<usize>> {
+        let Some(options) = self.builder.options().filter(|_| !self.structure.is_rival()) else {
+            return Ok(None);
+        };
+        let options = options.with_threads(1);
+        let measured = Measured::try_of(|| kd::custom::build(mesh, &options))
+            .with_context(|| format!("cannot build {self}"))?;
+        Ok(Some(measured.bytes.peak))
+    }
 }
 
 /// A structure, and what its build took.

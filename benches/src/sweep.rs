@@ -200,6 +200,9 @@ impl Sweep {
         )?;
         // On one thread, so that the peak does not depend on which threads happen to work at the same time.
         let built = variant.build(&scene.mesh, 1)?;
+        let peak_build_bytes = variant
+            .peak_bytes_of_tree(&scene.mesh)?
+            .unwrap_or(built.peak_bytes);
         let structure = built.structure;
         if let Some(flaw) = structure.flaw() {
             self.problems.push(format!("{name} {variant}: {flaw}"));
@@ -226,7 +229,7 @@ impl Sweep {
                 rays: kind,
                 baseline: self.plan.baseline.to_string(),
                 exact: Exact {
-                    peak_build_bytes: built.peak_bytes,
+                    peak_build_bytes,
                     rays: workload.rays.len(),
                     hits: answers.hits(),
                     hit_hash: answers.hash(),

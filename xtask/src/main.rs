@@ -44,6 +44,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::run("report", arguments),
     },
     Command {
+        name: "calibrate",
+        arguments: "[OPTIONS]",
+        help: "fit the cost model to measured rays (`calibrate --help` lists the options)",
+        run: |arguments| bench::run("calibrate", arguments),
+    },
+    Command {
         name: "compare",
         arguments: "RUN RUN",
         help: "list what differs between two runs; fails on any exact difference",

@@ -25,6 +25,23 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # Fast
+//!
+//! [`PackedTree`] holds a copy of the nodes and the triangles of each leaf in blocks of eight, tested at once. It has the
+//! same queries with the same answers, in a half to a third of the time.
+//!
+//! ```
+//! # use kd_core::{Mesh, Ray};
+//! # use kd_sah::{BuildOptions, build};
+//! # let corners = vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
+//! # let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]])?;
+//! let tree = build(&mesh, &BuildOptions::default())?;
+//! let packed = kd_trace::PackedTree::new(&tree, &mesh);
+//! let ray = Ray::new([0.75, 0.25, 0.0], [0.0, 0.0, 1.0]);
+//! assert_eq!(packed.intersect(&ray), kd_trace::intersect(&tree, &mesh, &ray));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # What is a hit
 //!
 //! One function of a ray and a triangle decides, and every query here gives exactly what asking it about every

@@ -33,6 +33,9 @@ struct Block {
 
 const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
 
+const LANES_U32: u32 = 8;
+const _: () = assert!(LANES_U32 as usize == LANES, "the same number");
+
 impl Block {
     /// No triangles: whatever looks at a corner that is NaN finds no hit.
     const EMPTY: Self = Self {
@@ -75,6 +78,7 @@ pub struct PackedTree {
 /// A part of a tree's nodes, the same nodes packed, and the blocks that their leaves name.
 struct Part<'a> {
     sources: &'a [Node],
+    #[cfg(feature = "parallel")]
     nodes: &'a [Node],
     blocks: &'a mut [Block],
 }
@@ -109,8 +113,9 @@ impl PackedTree {
             if node.is_leaf() {
                 let triangles = node.count();
                 *node = Node::leaf(count, triangles).expect("a leaf's count fits a leaf");
+                let blocks = triangles.div_ceil(LANES_U32);
                 count = count
-                    .checked_add(triangles.div_ceil(LANES as u32))
+                    .checked_add(blocks)
                     .expect("32 bits count references, and a block holds at least one");
             }
         }
@@ -118,6 +123,7 @@ impl PackedTree {
         let mut blocks = bytemuck::zeroed_vec(count as usize);
         fill(Part {
             sources: tree.nodes(),
+            #[cfg(feature = "parallel")]
             nodes: cast_slice(&pairs),
             blocks: &mut blocks,
         });
@@ -271,9 +277,9 @@ impl Walkable for PackedTree {
         let first = leaf.first_ref() as usize;
         for block in &self.blocks[first..first + triangles.div_ceil(LANES)] {
             probe.block();
-            let mut left = test.may_hit(&block.corners, triangles);
+            let left = test.may_hit(&block.corners, triangles);
             triangles = triangles.saturating_sub(LANES);
-            while let Some(lane) = left.next() {
+            for lane in left {
                 probe.decision();
                 let hit = test.decide(block.corners_of(lane), block.triangles[lane]);
                 if let Some(hit) = hit {

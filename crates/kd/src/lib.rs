@@ -70,6 +70,9 @@
 //!
 //! # Looking inside
 //!
+//! Rays are traced through a copy of the tree with the triangles of its leaves packed in blocks of eight
+//! ([`PackedTree`]), by AVX2 instructions where the processor has them. [`KdTree::with_level`] traces without, to compare.
+//!
 //! [`KdTree::stats`] counts what there is; its text form is what the benchmarks and snapshots show. The
 //! [`nodes`](KdTree::nodes) are plain 8-byte values ([`Node`]), ready to be sent elsewhere, and
 //! [`KdTree::intersect_counted`] tells what a ray had to do.
@@ -80,8 +83,8 @@
 //!
 //! # Features
 //!
-//! Both are on by default, and neither changes an answer. `parallel` builds on several threads (rayon); `io` adds
-//! `load_mesh`.
+//! Both are on by default, and neither changes an answer. `parallel` builds and packs on several threads (rayon); `io`
+//! adds `load_mesh`.
 #![forbid(unsafe_code)]
 
 mod tree;

@@ -1,0 +1,171 @@
+//! Non-negative least squares, for a handful of unknowns.
+
+/// How many unknowns there are: a constant and the counted steps.
+pub(super) const TERMS: usize = 5;
+
+/// One equation: how often each term occurs, and what they cost together. Positive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Equation {
+    pub(super) counts: [f64; TERMS],
+    pub(super) total: f64,
+}
+
+/// The costs that explain the totals best.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fit {
+    pub(super) costs: [f64; TERMS],
+    /// The share of the variance of the totals that is explained, of those equations that were kept.
+    pub(super) r_squared: f64,
+    /// The median and the ninth decile of |predicted / total - 1| over all equations.
+    pub(super) median_error: f64,
+    pub(super) ninth_decile_error: f64,
+    pub(super) kept: usize,
+}
+
+/// Equations that are furthest off are left out of the second pass, one in so many: a measurement that was interrupted
+/// says nothing about costs.
+const OUTLIERS: usize = 20;
+
+/// Least squares of relative errors with no cost below zero, twice: the second time without the worst of the first.
+///
+/// `None` without equations.
+pub(super) fn fit(equations: &[Equation]) -> Option<Fit> {
+    let first = non_negative(equations)?;
+    let mut kept = equations.to_vec();
+    kept.sort_by(|a, b| error(a, &first).total_cmp(&error(b, &first)));
+    kept.truncate(equations.len() - equations.len() / OUTLIERS);
+    let costs = non_negative(&kept)?;
+    let mut errors: Vec<f64> = equations.iter().map(|e| error(e, &costs)).collect();
+    errors.sort_by(f64::total_cmp);
+    Some(Fit {
+        costs,
+        r_squared: r_squared(&kept, &costs),
+        median_error: errors[errors.len() / 2],
+        ninth_decile_error: errors[errors.len() * 9 / 10],
+        kept: kept.len(),
+    })
+}
+
+fn predicted(equation: &Equation, costs: &[f64; TERMS]) -> f64 {
+    let terms = equation.counts.iter().zip(costs);
+    terms.map(|(count, cost)| count * cost).sum()
+}
+
+fn error(equation: &Equation, costs: &[f64; TERMS]) -> f64 {
+    (predicted(equation, costs) / equation.total - 1.0).abs()
+}
+
+fn r_squared(equations: &[Equation], costs: &[f64; TERMS]) -> f64 {
+    let mean = equations.iter().map(|e| e.total).sum::<f64>() / equations.len() as f64;
+    let squares =
+        |of: &dyn Fn(&Equation) -> f64| -> f64 { equations.iter().map(|e| of(e).powi(2)).sum() };
+    1.0 - squares(&|e| predicted(e, costs) - e.total) / squares(&|e| e.total - mean)
+}
+
+/// The best of the solutions in which some costs are zero and the others come out positive: one for each subset of the
+/// terms, so few that all can be tried.
+fn non_negative(equations: &[Equation]) -> Option<[f64; TERMS]> {
+    if equations.is_empty() {
+        return None;
+    }
+    let loss =
+        |costs: &[f64; TERMS]| -> f64 { equations.iter().map(|e| error(e, costs).powi(2)).sum() };
+    (1_u32..1 << TERMS)
+        .filter_map(|subset| least_squares(equations, subset))
+        .filter(|costs| costs.iter().all(|cost| *cost >= 0.0))
+        .min_by(|a, b| loss(a).total_cmp(&loss(b)))
+}
+
+/// Ordinary least squares of relative errors over a subset of the terms, the others zero, by the normal equations.
+/// `None` if they have no single solution.
+fn least_squares(equations: &[Equation], subset: u32) -> Option<[f64; TERMS]> {
+    let mut matrix = [[0.0; TERMS]; TERMS];
+    let mut right = [0.0; TERMS];
+    for equation in equations {
+        let row = equation.counts.map(|count| count / equation.total);
+        for i in 0..TERMS {
+            right[i] += row[i];
+            for j in 0..TERMS {
+                matrix[i][j] += row[i] * row[j];
+            }
+        }
+    }
+    for i in (0..TERMS).filter(|i| subset & (1 << i) == 0) {
+        right[i] = 0.0;
+        for row in &mut matrix {
+            row[i] = 0.0;
+        }
+        matrix[i] = [0.0; TERMS];
+        matrix[i][i] = 1.0;
+    }
+    solved(matrix, right)
+}
+
+/// Gaussian elimination; the matrix is symmetric and not negative, so the diagonal serves for pivots.
+fn solved(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> Option<[f64; TERMS]> {
+    for pivot in 0..TERMS {
+        let scale = matrix[pivot][pivot];
+        if scale <= 1e-12 {
+            return None;
+        }
+        for row in (0..TERMS).filter(|row| *row != pivot) {
+            let factor = matrix[row][pivot] / scale;
+            let pivot_row = matrix[pivot];
+            for (value, above) in matrix[row].iter_mut().zip(pivot_row) {
+                *value -= factor * above;
+            }
+            right[row] -= factor * right[pivot];
+        }
+    }
+    for (i, value) in right.iter_mut().enumerate() {
+        *value /= matrix[i][i];
+    }
+    Some(right)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn equations(costs: [f64; TERMS], noise: impl Fn(usize) -> f64) -> Vec<Equation> {
+        let equation = |i: usize| {
+            let of = |step: usize, most: usize| (i * step % most) as f64;
+            let counts = [1.0, of(7, 31), of(5, 13), of(11, 17), of(3, 5)];
+            let exact = Equation { counts, total: 0.0 };
+            let total = predicted(&exact, &costs) * (1.0 + noise(i));
+            Equation { counts, total }
+        };
+        (0..400).map(equation).collect()
+    }
+
+    #[test]
+    fn known_costs_come_back() {
+        let costs = [30.0, 4.0, 3.0, 9.0, 25.0];
+        let fit = fit(&equations(costs, |_| 0.0)).expect("equations");
+        for (found, cost) in fit.costs.iter().zip(costs) {
+            assert!((found - cost).abs() < 1e-6, "{fit:?}");
+        }
+        assert!(
+            fit.r_squared > 0.999_999 && fit.median_error < 1e-6,
+            "{fit:?}"
+        );
+    }
+
+    #[test]
+    fn interrupted_measurements_do_not_count() {
+        let costs = [30.0, 4.0, 3.0, 9.0, 25.0];
+        let sometimes = |i: usize| if i.is_multiple_of(30) { 4.0 } else { 0.0 };
+        let fit = fit(&equations(costs, sometimes)).expect("equations");
+        assert!((fit.costs[1] - 4.0).abs() < 0.01, "{fit:?}");
+        assert_eq!(fit.kept, 380, "one in twenty is left out");
+    }
+
+    #[test]
+    fn no_cost_is_negative() {
+        let costs = [30.0, 4.0, -1.0, 9.0, 25.0];
+        let fit = fit(&equations(costs, |_| 0.0)).expect("equations");
+        assert_eq!(fit.costs[2], 0.0, "{fit:?}");
+        assert!(fit.costs.iter().all(|cost| *cost >= 0.0), "{fit:?}");
+        assert!(super::fit(&[]).is_none(), "nothing to fit");
+    }
+}
