@@ -1,5 +1,5 @@
-//! What changed between two runs. Exact values must be equal; times are shown for information, since a machine's
-//! moods are not a fault.
+//! What changed between two runs. Exact values must be equal, but for rivals, which are not ours to hold; times are
+//! shown for information, since a machine's moods are not a fault.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -73,6 +73,9 @@ impl Comparison {
             .filter_map(Value::as_object)
             .flat_map(serde_json::Map::keys)
             .collect();
+        if new.is_of_rival() {
+            fields.clear();
+        }
         fields.sort();
         fields.dedup();
         for field in fields {
@@ -170,6 +173,15 @@ mod tests {
                 "{found:?}"
             );
         }
+    }
+
+    #[test]
+    fn rivals_may_change() {
+        let mut before = example();
+        before.exact.disagreement_ppm = Some(0.0);
+        let mut after = before.clone();
+        after.exact.bytes_total += 1;
+        assert_eq!(changes(&[before], &[after]), [""; 0], "it is not ours");
     }
 
     #[test]

@@ -55,8 +55,11 @@ pub(crate) struct LinePlot<'a> {
     pub(crate) lines: Vec<(String, Vec<(f64, f64)>)>,
 }
 
+/// Room for the names of lines.
+const LEGEND: i32 = 150;
+
 impl LinePlot<'_> {
-    /// As SVG; empty if there is no point. Names stand to the right of their lines.
+    /// As SVG; empty if there is no point. Names stand at the right, in the colours of their lines.
     pub(crate) fn to_svg(&self) -> anyhow::Result<String> {
         let points = || self.lines.iter().flat_map(|(_, points)| points);
         let xs = decades(points().map(|point| point.0));
@@ -68,7 +71,7 @@ impl LinePlot<'_> {
         let area = SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT * 3 / 2)).into_drawing_area();
         let mut chart = ChartBuilder::on(&area)
             .margin(8)
-            .margin_right(120)
+            .margin_right(LEGEND)
             .set_label_area_size(LabelAreaPosition::Left, 64)
             .set_label_area_size(LabelAreaPosition::Bottom, 44)
             .build_cartesian_2d(logarithmic(xs), logarithmic(ys))
@@ -87,11 +90,11 @@ impl LinePlot<'_> {
             let color = color(index);
             let line = LineSeries::new(points.iter().copied(), color.stroke_width(2));
             chart.draw_series(line.point_size(3)).map_err(failed)?;
-            let style = ("sans-serif", 12).into_text_style(&area).color(&color);
-            let label = points
-                .last()
-                .map(|end| EmptyElement::at(*end) + Text::new(name.clone(), (8, -6), style));
-            chart.draw_series(label).map_err(failed)?;
+            let style = FONT.into_text_style(&area).color(&color);
+            let row = i32::try_from(index)?;
+            let place = (WIDTH.cast_signed() - LEGEND + 10, 16 + 18 * row);
+            area.draw(&Text::new(name.as_str(), place, style))
+                .map_err(failed)?;
         }
         area.present().map_err(failed)?;
         drop(chart);

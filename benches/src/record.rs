@@ -250,6 +250,16 @@ pub(crate) struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
+    /// The variant, and how it was compiled if not as usual.
+    pub(crate) fn label(&self) -> String {
+        let native = if self.build().is_native() {
+            " (native)"
+        } else {
+            ""
+        };
+        format!("{}{native}", self.variant)
+    }
+
     /// Any cell: what a build is like does not depend on the rays.
     pub(crate) fn build(&self) -> &'a Record {
         self.cells.values().next().expect("a row has a cell")

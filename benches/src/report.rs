@@ -212,10 +212,14 @@ fn summary_of_scene(run: &Run<'_>, scene: &str) -> Markup {
                             small { (grouped(build.triangles)) " triangles" }
                         }
                     }
-                    td.variant { span.swatch style=(format!("background:{}", hex(*index))) {} (row.variant) }
+                    td.variant { span.swatch style=(format!("background:{}", hex(*index))) {} (row.label()) }
                     (timed(record::median(&build.timed.build_ms), build.build_speed()))
-                    td.number { (format!("{:.1}", build.exact.sah_cost_15_20)) }
-                    td.number { (format!("{:.2}", build.refs_per_triangle())) }
+                    @if build.is_of_rival() {
+                        td.number { "–" } td.number { "–" }
+                    } @else {
+                        td.number { (format!("{:.1}", build.exact.sah_cost_15_20)) }
+                        td.number { (format!("{:.2}", build.refs_per_triangle())) }
+                    }
                     td.number { (megabytes(build.exact.bytes_total)) }
                     td.number { (megabytes(build.exact.peak_build_bytes)) }
                     @for kind in &run.kinds {

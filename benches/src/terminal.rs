@@ -53,10 +53,9 @@ fn cells(row: &Row<'_>, kinds: &[&str]) -> Vec<String> {
             text
         }
     };
-    let native = if build.is_native() { " (native)" } else { "" };
     let mut cells = vec![
         row.scene.to_owned(),
-        format!("{}{native}", row.variant),
+        row.label(),
         with_speed(record::median(&build.timed.build_ms), build.build_speed()),
         known(format!("{:.1}", build.exact.sah_cost_15_20)),
         known(format!("{:.2}", build.refs_per_triangle())),

@@ -214,7 +214,7 @@ pub(super) fn check_installed() -> Result<(), NotInstalled> {
     functions().map(|_| ())
 }
 
-/// What all devices have allocated, and the most of it since [`Scene::commit`] last looked.
+/// What all devices have allocated, and the most of it since [`Input::commit`] last looked.
 static BYTES_IN_USE: AtomicIsize = AtomicIsize::new(0);
 static BYTES_AT_PEAK: AtomicIsize = AtomicIsize::new(0);
 
@@ -253,7 +253,8 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Input {
-    /// Copies a mesh. Builds over it will have so many threads.
+    /// Copies a mesh. Builds over it will have so many threads, or as many as any device before had: Embree's threads
+    /// are the process's, and do not become fewer. A run times one number of threads only.
     pub(super) fn new(
         mesh: &Mesh,
         quality: Quality,
