@@ -14,7 +14,7 @@ pub(crate) enum Cell {
     Interior {
         axis: Axis,
         split: f32,
-        children: Box<[Cell; 2]>,
+        children: Box<[Self; 2]>,
     },
     Subtree(PackedTree),
 }
