@@ -103,6 +103,8 @@ impl PackedTree {
     }
 
     fn filled_by(tree: &Tree, fill: impl FnOnce(Part<'_>)) -> Self {
+        #[allow(clippy::cast_possible_truncation, reason = "eight")]
+        const PER_BLOCK: u32 = LANES as u32;
         let mut pairs: Vec<Pair> = bytemuck::pod_collect_to_vec(tree.nodes());
         let mut count = 0_u32;
         for node in cast_slice_mut::<Pair, Node>(&mut pairs) {
@@ -110,7 +112,7 @@ impl PackedTree {
                 let triangles = node.count();
                 *node = Node::leaf(count, triangles).expect("a leaf's count fits a leaf");
                 count = count
-                    .checked_add(triangles.div_ceil(LANES as u32))
+                    .checked_add(triangles.div_ceil(PER_BLOCK))
                     .expect("32 bits count references, and a block holds at least one");
             }
         }
@@ -271,9 +273,9 @@ impl Walkable for PackedTree {
         let first = leaf.first_ref() as usize;
         for block in &self.blocks[first..first + triangles.div_ceil(LANES)] {
             probe.block();
-            let mut left = test.may_hit(&block.corners, triangles);
+            let left = test.may_hit(&block.corners, triangles);
             triangles = triangles.saturating_sub(LANES);
-            while let Some(lane) = left.next() {
+            for lane in left {
                 probe.decision();
                 let hit = test.decide(block.corners_of(lane), block.triangles[lane]);
                 if let Some(hit) = hit {
