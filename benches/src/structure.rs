@@ -194,7 +194,11 @@ impl Variant {
     /// The most that was allocated at a time until our tree was there, without what is derived from it to trace faster;
     /// `None` for a rival.
     pub(crate) fn peak_bytes_of_tree(self, mesh: &Mesh) -> anyhow::Result<Option<usize>> {
-        let Some(options) = self.builder.options().filter(|_| !self.structure.is_rival()) else {
+        let Some(options) = self
+            .builder
+            .options()
+            .filter(|_| !self.structure.is_rival())
+        else {
             return Ok(None);
         };
         let options = options.with_threads(1);

@@ -10,6 +10,10 @@ pub(crate) trait Collect {
     fn limit(&self) -> f32;
     /// Takes a hit; breaks if no other can matter.
     fn take(&mut self, hit: Hit) -> ControlFlow<()>;
+    /// Whether a hit that was taken broke.
+    fn is_done(&self) -> bool {
+        false
+    }
 }
 
 /// The closest hit.
@@ -45,6 +49,10 @@ impl Collect for Any {
     fn take(&mut self, _: Hit) -> ControlFlow<()> {
         self.0 = true;
         ControlFlow::Break(())
+    }
+
+    fn is_done(&self) -> bool {
+        self.0
     }
 }
 

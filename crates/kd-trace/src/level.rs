@@ -11,12 +11,10 @@
 
 use std::fmt;
 
-use kd_core::Ray;
-
 use crate::collect::Collect;
 use crate::packed::PackedTree;
 use crate::probe::Probe;
-use crate::walk::walk;
+use crate::walk::{Begin, walk};
 
 /// A set of instructions to trace with. All give the same answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +58,7 @@ impl Level {
     pub(crate) fn walk<C: Collect, P: Probe>(
         self,
         tree: &PackedTree,
-        ray: &Ray,
+        ray: impl Begin,
         collector: &mut C,
         probe: &mut P,
     ) {
@@ -81,6 +79,11 @@ impl fmt::Display for Level {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn walk_avx2<C: Collect, P: Probe>(tree: &PackedTree, ray: &Ray, collector: &mut C, probe: &mut P) {
+fn walk_avx2<C: Collect, P: Probe>(
+    tree: &PackedTree,
+    ray: impl Begin,
+    collector: &mut C,
+    probe: &mut P,
+) {
     walk(tree, ray, collector, probe);
 }

@@ -67,6 +67,7 @@
 pub mod brute_force;
 mod collect;
 mod float;
+pub mod lazy;
 mod level;
 mod packed;
 mod planes;

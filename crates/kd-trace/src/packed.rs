@@ -107,6 +107,8 @@ impl PackedTree {
     }
 
     fn filled_by(tree: &Tree, fill: impl FnOnce(Part<'_>)) -> Self {
+        #[allow(clippy::cast_possible_truncation, reason = "eight")]
+        const PER_BLOCK: u32 = LANES as u32;
         let mut pairs: Vec<Pair> = bytemuck::pod_collect_to_vec(tree.nodes());
         let mut count = 0_u32;
         for node in cast_slice_mut::<Pair, Node>(&mut pairs) {

@@ -32,7 +32,7 @@
 //! ```
 //!
 //! (2⁻²⁰ of the crossing itself in place of Q would be tighter near the origin, and costs 2 to 7 % of the time of a ray:
-//! three more operations a node before the branch that waits for them. 2026-11-24, bunny, sibenik, sponza.)
+//! three more operations a node before the branch that waits for them. 2026-11-24, bunny, sibenik, `sponza_dabrovic`.)
 //!
 //! A ray leaves the near side of a plane at the interval's end, and enters the far side at its start. So the spans
 //! of all cells on the path to P contain the `t` that is reported for P, and nothing else needs a bound: a cell may

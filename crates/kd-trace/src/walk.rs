@@ -22,6 +22,49 @@ struct Pending {
     span: Span,
 }
 
+/// A ray, ready to be asked about planes and triangles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PreparedRay {
+    pub(crate) planes: RayPlanes,
+    test: TriangleTest,
+}
+
+impl PreparedRay {
+    /// For triangles within a box, with the part of the ray that may hit them; `None` if there is none.
+    #[inline(always)]
+    pub(crate) fn new(ray: &Ray, bounds: &Aabb) -> Option<(Self, Span)> {
+        if bounds.is_empty() || !ray.can_hit() {
+            return None;
+        }
+        let planes = RayPlanes::new(ray, bounds);
+        let span = planes.clip(ray, bounds)?;
+        let test = TriangleTest::new(ray, planes.reach());
+        Some((Self { planes, test }, span))
+    }
+}
+
+/// Where a walk begins.
+pub(crate) trait Begin {
+    /// A ray ready for a tree with these bounds, and the part of it to walk; `None` if there is none.
+    fn begin(self, bounds: &Aabb) -> Option<(PreparedRay, Span)>;
+}
+
+/// A ray from outside.
+impl Begin for &Ray {
+    #[inline(always)]
+    fn begin(self, bounds: &Aabb) -> Option<(PreparedRay, Span)> {
+        PreparedRay::new(self, bounds)
+    }
+}
+
+/// A ray on its way through a larger tree, which it was prepared for.
+impl Begin for (&PreparedRay, Span) {
+    #[inline(always)]
+    fn begin(self, _: &Aabb) -> Option<(PreparedRay, Span)> {
+        Some((*self.0, self.1))
+    }
+}
+
 /// What can be walked: nodes, and something at their leaves. Valid in the sense of
 /// [`Arena::freeze`](kd_core::Arena::freeze).
 pub(crate) trait Walkable {
@@ -45,19 +88,13 @@ pub(crate) trait Walkable {
 #[inline(always)]
 pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
     tree: &W,
-    ray: &Ray,
+    ray: impl Begin,
     collector: &mut C,
     probe: &mut P,
 ) {
-    let bounds = tree.bounds();
-    if bounds.is_empty() || !ray.can_hit() {
-        return;
-    }
-    let planes = RayPlanes::new(ray, &bounds);
-    let Some(mut span) = planes.clip(ray, &bounds) else {
+    let Some((PreparedRay { planes, test }, mut span)) = ray.begin(&tree.bounds()) else {
         return;
     };
-    let test = TriangleTest::new(ray, planes.reach());
     let nodes = tree.nodes();
     // A valid tree has at most MAX_DEPTH nodes on a path that leave something behind. (Tried, 2026-11-24: no checks of
     // bounds in this loop, no difference; a `SmallVec`, 2 to 20 % slower. Not clearing the stack would gain 2 %, and is

@@ -38,6 +38,9 @@
 //! # let _ = on_one_thread;
 //! ```
 //!
+//! Where few rays will see little of a large mesh, [`LazyTree`] spares what they do not see: it is built where rays go,
+//! and answers the same queries. [`LazyTree::finish`] builds the whole after all.
+//!
 //! # Rays
 //!
 //! A [`Ray`] has an origin, a direction of any length, and a closed range of `t`, which counts in multiples of the
@@ -87,6 +90,7 @@
 //! adds `load_mesh`.
 #![forbid(unsafe_code)]
 
+mod lazy;
 mod tree;
 
 pub use glam;
@@ -98,6 +102,7 @@ pub use kd_sah::{BuildError, BuildOptions, Method};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
 pub use kd_trace::{Level, PackedTree, TraversalCounts};
+pub use lazy::LazyTree;
 pub use tree::KdTree;
 
 /// For trees over other things than triangles: implement [`PrimSource`](custom::PrimSource), and

@@ -3,12 +3,15 @@
 use std::ops::Deref;
 
 use kd_core::{Hit, Mesh, Ray, Tree};
-use kd_trace::{Level, PackedTree, brute_force};
+use kd_trace::{Level, PackedTree, brute_force, lazy};
+
+use crate::cells::CutTree;
 
 /// A tree and every way to trace it.
 pub(crate) struct Subject {
     tree: Tree,
     packed: [PackedTree; 2],
+    cut: [CutTree; 2],
 }
 
 impl Subject {
@@ -16,8 +19,9 @@ impl Subject {
         let packed = PackedTree::new(&tree, mesh);
         let portable = packed.clone().with_level(Level::portable());
         Self {
-            tree,
+            cut: CutTree::both(&tree, mesh),
             packed: [packed, portable],
+            tree,
         }
     }
 }
@@ -61,6 +65,16 @@ pub(crate) fn check<'a>(
             let occluded = packed.occluded(ray);
             assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
             packed.hits(ray, 2, &mut found);
+            let first = &expected[..expected.len().min(2)];
+            assert_eq!(found, first, "{}", place("first hits"));
+        }
+        for cut in &subject.cut {
+            let place = |way: &str| place(&format!("cut into cells, {way}"));
+            let closest = lazy::intersect(cut, ray);
+            assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
+            let occluded = lazy::occluded(cut, ray);
+            assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
+            lazy::hits(cut, ray, 2, &mut found);
             let first = &expected[..expected.len().min(2)];
             assert_eq!(found, first, "{}", place("first hits"));
         }
