@@ -41,6 +41,8 @@ pub struct TreeStats {
     pub reference_bytes: usize,
     /// Bytes of what was derived from the tree and its mesh to trace faster, if there is any.
     pub packed_bytes: Option<usize>,
+    /// Cells that were not divided because the limit of references was reached: see [`Tree::limited_cells`].
+    pub limited_cells: usize,
 }
 
 /// Leaf sizes up to this one have a bucket of their own.
@@ -64,6 +66,7 @@ impl TreeStats {
             node_bytes: tree.bytes() - reference_bytes,
             reference_bytes,
             packed_bytes: None,
+            limited_cells: tree.limited_cells(),
         };
         Walk {
             tree,
@@ -212,6 +215,9 @@ impl fmt::Display for TreeStats {
         writeln!(f, "  empty          {:>12}", self.empty_leaves)?;
         writeln!(f, "references       {:>12}", self.references)?;
         writeln!(f, "  per triangle   {:>12.3}", self.refs_per_triangle())?;
+        if self.limited_cells > 0 {
+            writeln!(f, "  cells limited  {:>12}", self.limited_cells)?;
+        }
         writeln!(f, "depth            {:>12}", self.depth)?;
         writeln!(f, "SAH cost (15:20) {:>12.3}", self.sah_cost_15_20)?;
         writeln!(f, "SAH cost (own)   {:>12.3}", self.sah_cost_own)?;
@@ -294,6 +300,18 @@ mod tests {
         );
         assert_eq!(stats.leaves_by_depth, [0, 2], "both leaves below the root");
         assert_eq!(stats.leaves_by_size, [0, 1, 1], "one and two references");
+    }
+
+    #[test]
+    fn a_limit_that_was_reached_shows() {
+        let leaf = vec![Pair([Node::EMPTY_LEAF; 2])];
+        let tree =
+            Tree::from_parts(leaf, vec![], unit_box(), 0, CostModel::CLASSIC).expect("valid");
+        let text = tree.stats().to_string();
+        assert!(!text.contains("limited"), "not reached: {text}");
+        let text = tree.with_limited_cells(12).stats().to_string();
+        let line = "\n  cells limited            12\n";
+        assert!(text.contains(line), "reached: {text}");
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub struct Tree {
     slots: u32,
     depth: u8,
     cost: CostModel,
+    limited_cells: usize,
 }
 
 impl Tree {
@@ -80,7 +81,22 @@ impl Tree {
             slots,
             depth,
             cost,
+            limited_cells: 0,
         })
+    }
+
+    /// The same tree with the builder's count of cells that it would have divided, had there been references left. It
+    /// is a note on the build, not on the tree: files do not keep it.
+    #[must_use]
+    pub fn with_limited_cells(mut self, limited_cells: usize) -> Self {
+        self.limited_cells = limited_cells;
+        self
+    }
+
+    /// How many cells were not divided because the limit of references was reached, those below a node that was made a
+    /// leaf afterwards included: 0 says that the tree is the one without a limit. Also 0 for trees that come from a file.
+    pub fn limited_cells(&self) -> usize {
+        self.limited_cells
     }
 
     /// All nodes of the arena; indices in nodes refer to this slice. Unreachable ones may be among them.

@@ -49,6 +49,7 @@ impl Start {
             allowance: Allowance {
                 bad_refines: options.bad_refines,
                 refs: options.refs_limit(prims.len()),
+                is_limited: false,
                 share: Share::ALL,
             },
             max_depth: options.depth_limit(prims.len()),
@@ -140,6 +141,8 @@ pub(crate) struct Allowance {
     bad_refines: u32,
     /// References the leaves of the cell may have together.
     refs: u64,
+    /// Whether the cell would have been divided, had there been references enough.
+    is_limited: bool,
     /// Its part of the whole work.
     share: Share,
 }
@@ -188,7 +191,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         let (plane, [lower, upper]) = match self.divide(part, prims) {
             Ok(divided) => divided,
             Err((part, prims)) => {
-                return self.leaf(&prims, part.allowance.share, &mut worker.output);
+                return self.leaf(&prims, &part.allowance, &mut worker.output);
             }
         };
         let places = [lower.0.place, upper.0.place];
@@ -249,7 +252,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             Some((plane, counted, allowances))
         });
         let Some((plane, counted, allowances)) = divided else {
-            let built = self.leaf(prims, part.allowance.share, &mut worker.output);
+            let built = self.leaf(prims, &part.allowance, &mut worker.output);
             worker.pending.truncate(first);
             return built;
         };
@@ -368,8 +371,14 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         output.finish(interior, plane, children, cost)
     }
 
-    fn leaf(&self, prims: &[Prim], share: Share, output: &mut Output) -> Result<Built, BuildError> {
-        self.watched.done(share)?;
+    fn leaf(
+        &self,
+        prims: &[Prim],
+        allowance: &Allowance,
+        output: &mut Output,
+    ) -> Result<Built, BuildError> {
+        self.watched.done(allowance.share)?;
+        output.limited_cells += usize::from(allowance.is_limited);
         let refs = prims.iter().map(|prim| Slot(prim.slot()));
         output.leaf(refs, self.model)
     }
@@ -391,10 +400,14 @@ impl<K> Part<K> {
 }
 
 impl Allowance {
-    /// What both parts inherit; `None` if there are not even references enough for what they hold.
-    fn divide(&self, counted: Counted) -> Option<[Self; 2]> {
+    /// What both parts inherit; `None`, of which it takes note, if there are not even references enough for what they
+    /// hold.
+    fn divide(&mut self, counted: Counted) -> Option<[Self; 2]> {
         let counts = [counted.lower, counted.upper];
-        let refs = share_refs(self.refs, counts)?;
+        let Some(refs) = share_refs(self.refs, counts) else {
+            self.is_limited = true;
+            return None;
+        };
         let shares = self.share.divide(counts);
         Some([0, 1].map(|side: usize| Self {
             refs: refs[side],

@@ -119,7 +119,8 @@ impl<L> LazyNode<L> {
         let output = with_chooser_of(method, Build { task, start })
             .expect("nobody cancels, and what fits a cell fits a tree");
         let tree = Tree::from_parts(output.pairs, output.refs, bounds, slots, cost)
-            .expect("builders make valid trees");
+            .expect("builders make valid trees")
+            .with_limited_cells(output.limited_cells);
         Opened::Subtree(finish(tree))
     }
 

@@ -133,13 +133,14 @@ fn build_watched_by<S: PrimSource>(
         let output = with_chooser_of(options.method, Build { task, start })?;
         Ok::<_, BuildError>((output, place.bounds))
     })??;
-    Ok(Tree::from_parts(
+    let tree = Tree::from_parts(
         output.pairs,
         output.refs,
         bounds,
         source.count(),
         options.cost,
-    )?)
+    )?;
+    Ok(tree.with_limited_cells(output.limited_cells))
 }
 
 /// A whole build.

@@ -130,7 +130,8 @@ impl BuildOptions {
     /// become leaves as they are; nothing is lost. Without it, 64 per primitive.
     ///
     /// A cell's share is divided between its children in proportion to what they hold, so the outcome does not
-    /// depend on the order of the build.
+    /// depend on the order of the build. [`TreeStats::limited_cells`](kd_core::TreeStats::limited_cells) counts the cells
+    /// that were not divided for it, and the text form of the statistics says so if there are any.
     #[must_use]
     pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
         self.max_refs = Some(max_refs);

@@ -12,6 +12,8 @@ use crate::plane::Plane;
 pub(crate) struct Output {
     pub(crate) pairs: Vec<Pair>,
     pub(crate) refs: Vec<Slot>,
+    /// Cells that were not divided for lack of references, those in subtrees that were taken back included.
+    pub(crate) limited_cells: usize,
 }
 
 /// A finished node, not yet put in its place, and its expected cost for a ray that enters it.
@@ -138,6 +140,7 @@ impl Output {
             self.pairs.push(Pair([lower, upper]));
         }
         self.refs.extend_from_slice(&other.refs);
+        self.limited_cells += other.limited_cells;
         Ok(Built {
             node: relocated(root.node).ok_or(too_large)?,
             ..root

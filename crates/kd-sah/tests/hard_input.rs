@@ -3,7 +3,7 @@
 mod common;
 
 use common::soup;
-use kd_core::{Aabb, Mesh, PrimSource, Tree};
+use kd_core::{Aabb, CostModel, Mesh, PrimSource, Tree};
 use kd_sah::{BuildError, BuildOptions, Method, build};
 
 const METHODS: [Method; 9] = [
@@ -21,19 +21,50 @@ const METHODS: [Method; 9] = [
     },
 ];
 
+/// Every preset and every method; `best` is the one by [`Method::Exact`].
+fn builders() -> Vec<BuildOptions> {
+    let methods = METHODS.map(|method| BuildOptions::best().with_method(method));
+    let presets = [BuildOptions::fast(), BuildOptions::balanced()];
+    presets.into_iter().chain(methods).collect()
+}
+
+/// A builder that compares every candidate with every primitive: a few hundred of them is its measure.
+fn is_quadratic(options: &BuildOptions) -> bool {
+    *options == options.clone().with_method(Method::Naive)
+}
+
+/// A builder that divides whatever that costs, until depth or references run out.
+fn is_median(options: &BuildOptions) -> bool {
+    *options == options.clone().with_method(Method::Median)
+}
+
+/// A builder that sorts events: six a primitive, which takes seconds for millions of them.
+fn is_sorting(options: &BuildOptions) -> bool {
+    [Method::Resort, Method::Sweep]
+        .into_iter()
+        .any(|method| *options == options.clone().with_method(method))
+}
+
+/// Builds, and holds the tree to what is promised of each: depth, references, nothing missing.
 #[track_caller]
-fn built(mesh: &Mesh, method: Method) -> Tree {
-    let tree = build(mesh, &BuildOptions::best().with_method(method)).expect("a mesh has a tree");
-    assert!(tree.depth() <= 48, "{method:?}: depth {}", tree.depth());
+fn built(mesh: &Mesh, options: &BuildOptions) -> Tree {
+    let tree = build(mesh, options).expect("a mesh has a tree");
+    assert!(tree.depth() <= 48, "{options:?}: depth {}", tree.depth());
+    let references = tree.stats().references;
+    assert!(
+        references <= 64 * mesh.len(),
+        "{options:?}: {references} for {}",
+        mesh.len()
+    );
     tree.check_coverage(mesh).expect("nothing is missing");
     tree
 }
 
 #[test]
 fn nothing_gives_one_empty_leaf() {
-    for method in METHODS {
-        let stats = built(&soup(&[]), method).stats();
-        assert_eq!((stats.nodes, stats.empty_leaves), (1, 1), "{method:?}");
+    for options in builders() {
+        let stats = built(&soup(&[]), &options).stats();
+        assert_eq!((stats.nodes, stats.empty_leaves), (1, 1), "{options:?}");
     }
 }
 
@@ -45,34 +76,65 @@ fn one_triangle_of_any_kind() {
     let huge = [[-3e38, -3e38, 0.0], [3e38, -3e38, 1.0], [0.0, 3e38, -1.0]];
     let tiny = [[0.0, 0.0, 0.0], [1e-45, 0.0, 0.0], [0.0, 1e-45, 1e-45]];
     for triangle in [point, line, flat, huge, tiny] {
-        for method in METHODS {
-            let stats = built(&soup(&[triangle]), method).stats();
-            assert!(stats.references >= 1, "{method:?} lost {triangle:?}");
+        for options in builders() {
+            let stats = built(&soup(&[triangle]), &options).stats();
+            assert!(stats.references >= 1, "{options:?} lost {triangle:?}");
             assert!(
                 stats.sah_cost_own.is_finite(),
-                "{method:?} {triangle:?}: {stats}"
+                "{options:?} {triangle:?}: {stats}"
             );
         }
     }
 }
 
-/// A plane can separate no two of them, so they stay one leaf, and every sweep ends at the root.
-#[test]
-fn a_million_identical_triangles_are_one_leaf() {
-    let mesh = soup(&vec![TILTED; 1_000_000]);
-    let all_but_slow = METHODS
-        .into_iter()
-        .filter(|method| !matches!(method, Method::Median | Method::Naive));
-    for method in all_but_slow {
-        let stats = build(&mesh, &BuildOptions::best().with_method(method))
-            .expect("a tree")
-            .stats();
+/// As [`soup`] of so many copies, without copies of the corners.
+fn copies(triangle: [[f32; 3]; 3], count: usize) -> Mesh {
+    Mesh::new(triangle.into(), vec![[0, 1, 2]; count]).expect("valid")
+}
+
+/// A plane can separate no two of them, so they stay one leaf, and every search ends at the root.
+#[track_caller]
+fn check_one_leaf(triangle: [[f32; 3]; 3], count: usize, is_meant: impl Fn(&BuildOptions) -> bool) {
+    let mesh = copies(triangle, count);
+    for options in builders().into_iter().filter(is_meant) {
+        let stats = build(&mesh, &options).expect("a tree").stats();
         assert_eq!(
             (stats.nodes, stats.references),
-            (1, 1_000_000),
-            "{method:?}: {stats}"
+            (1, count),
+            "{options:?}: {stats}"
         );
     }
+}
+
+/// The builders that sort events stop here: ten times as many take them more than seconds.
+#[test]
+fn a_million_identical_triangles_are_one_leaf() {
+    check_one_leaf(TILTED, 1_000_000, is_sorting);
+}
+
+#[test]
+fn ten_million_identical_triangles_are_one_leaf() {
+    check_one_leaf(TILTED, 10_000_000, |options| {
+        !(is_sorting(options) || is_quadratic(options) || is_median(options))
+    });
+}
+
+#[test]
+fn ten_thousand_identical_triangles_are_one_leaf_in_quadratic_time_too() {
+    check_one_leaf(TILTED, 10_000, is_quadratic);
+}
+
+/// The median builder divides them all the same, unless there are no references for it.
+#[test]
+fn ten_million_identical_triangles_stay_within_the_limit_of_references() {
+    let mesh = copies(TILTED, 10_000_000);
+    let median = BuildOptions::best()
+        .with_method(Method::Median)
+        .with_max_refs(25_000_000);
+    let stats = build(&mesh, &median).expect("a tree").stats();
+    let allowed = 10_000_001..=25_000_000;
+    assert!(allowed.contains(&stats.references), "{stats}");
+    assert!(stats.limited_cells > 0, "and says so: {stats}");
 }
 
 /// The median builder does not ask what a plane is worth; only the limit of references stops it.
@@ -93,19 +155,30 @@ const TILTED: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.2], [0.3, 1.0, 0.5]
 
 #[test]
 fn a_million_points_in_one_place_are_one_leaf() {
-    let mesh = soup(&vec![[[1.0, 1.0, 1.0]; 3]; 1_000_000]);
-    for method in METHODS
-        .into_iter()
-        .filter(|&method| method != Method::Naive)
-    {
-        let tree = build(&mesh, &BuildOptions::best().with_method(method)).expect("a tree");
-        let stats = tree.stats();
-        assert_eq!(
-            (stats.nodes, stats.references),
-            (1, 1_000_000),
-            "{method:?}: {stats}"
-        );
+    check_one_leaf([[1.0, 1.0, 1.0]; 3], 1_000_000, |options| {
+        !is_quadratic(options)
+    });
+}
+
+/// Builders that divide by centroids never end here.
+#[test]
+fn concentric_triangles_are_bounded() {
+    let around_zero = |i: u16| {
+        let s = 1.0 + f32::from(i);
+        [
+            [-s, -s, 0.25 * s],
+            [s, -s, 0.5 * s],
+            [0.0, 2.0 * s, -0.75 * s],
+        ]
+    };
+    let mesh = |count: u16| soup(&(0..count).map(around_zero).collect::<Vec<_>>());
+    let (few, many) = (mesh(100), mesh(3_000));
+    let mut divided = 0;
+    for options in builders() {
+        let mesh = if is_quadratic(&options) { &few } else { &many };
+        divided += usize::from(built(mesh, &options).stats().leaves > 1);
     }
+    assert!(divided > 0, "no builder has tried");
 }
 
 #[test]
@@ -115,11 +188,13 @@ fn everything_in_one_plane_is_divided_within_it() {
         .flat_map(|x| (0_u8..20).map(move |y| cell(f32::from(x), f32::from(y))))
         .collect();
     let mesh = soup(&triangles);
-    for method in METHODS {
-        let stats = built(&mesh, method).stats();
+    for options in builders() {
+        // Without blocks of triangles, for which eight of them would be few enough.
+        let options = options.with_cost(CostModel::CLASSIC);
+        let stats = built(&mesh, &options).stats();
         assert!(
             stats.leaves > 50,
-            "{method:?} divides along the plane: {stats}"
+            "{options:?} divides along the plane: {stats}"
         );
     }
 }
@@ -127,29 +202,86 @@ fn everything_in_one_plane_is_divided_within_it() {
 /// Slivers across the whole box, each straddling nearly every plane.
 #[test]
 fn slivers_stay_within_the_limit_of_references() {
-    let sliver = |i: u16| {
-        let s = f32::from(i) / 2000.0;
-        [
-            [-1.0, s, 1.0 - s],
-            [1.0, 1.0 - s, s],
-            [1.0, 1.0 - s + 1e-4, s],
-        ]
+    let slivers = |count: u16| {
+        let sliver = |i: u16| {
+            let s = f32::from(i) / f32::from(count);
+            [
+                [-1.0, s, 1.0 - s],
+                [1.0, 1.0 - s, s],
+                [1.0, 1.0 - s + 1e-4, s],
+            ]
+        };
+        soup(&(0..count).map(sliver).collect::<Vec<_>>())
     };
-    let mesh = soup(&(0..2000).map(sliver).collect::<Vec<_>>());
-    for max_refs in [0, 3_000, 20_000] {
-        let options = BuildOptions::best().with_max_refs(max_refs);
-        let tree = build(&mesh, &options).expect("a tree");
-        tree.check_coverage(&mesh).expect("nothing is missing");
-        let references = tree.stats().references as u64;
+    let (few, many) = (slivers(100), slivers(2_000));
+    for options in builders() {
+        let mesh = if is_quadratic(&options) { &few } else { &many };
+        let count = mesh.len() as u64;
+        built(mesh, &options);
+        for max_refs in [0, 3 * count / 2, 10 * count] {
+            let tree = built(mesh, &options.clone().with_max_refs(max_refs));
+            let references = tree.stats().references as u64;
+            assert!(
+                references <= max_refs.max(count),
+                "{options:?}: {references} of at most {max_refs}"
+            );
+        }
+    }
+}
+
+/// Small boxes in a lattice of 256 places a side; none of them is stored.
+struct Lattice {
+    count: u32,
+}
+
+impl PrimSource for Lattice {
+    fn count(&self) -> u32 {
+        self.count
+    }
+
+    fn bounds(&self, primitive: u32) -> Aabb {
+        let [x, y, z, _] = primitive.to_le_bytes();
+        let corner = [x, y, z].map(f32::from);
+        Aabb::around([corner.into(), corner.map(|x| x + 0.75).into()])
+    }
+
+    fn clipped_bounds(&self, primitive: u32, cell: &Aabb) -> Option<Aabb> {
+        let part = self.bounds(primitive).intersection(cell);
+        (!part.is_empty()).then_some(part)
+    }
+}
+
+/// Sixteen million, cut once: each pass over all of them runs, by bins and exactly, and their number fits wherever it
+/// goes. Deeper down there is nothing that smaller meshes do not have. (By the presets only: each build takes seconds.)
+#[test]
+fn sixteen_million_primitives_are_a_tree() {
+    let source = Lattice { count: 1 << 24 };
+    for options in [
+        BuildOptions::fast(),
+        BuildOptions::balanced(),
+        BuildOptions::best(),
+    ] {
+        let options = options.with_max_depth(1);
+        let stats = build(&source, &options).expect("a tree").stats();
+        assert_eq!((stats.leaves, stats.depth), (2, 1), "{options:?}: {stats}");
+        // Boxes are smaller than their distance: at most one layer of them straddles the plane.
+        let references = 1 << 24..=(1 << 24) + (1 << 16);
         assert!(
-            references <= max_refs.max(2000),
-            "{references} of at most {max_refs}"
+            references.contains(&stats.references),
+            "{options:?}: {stats}"
         );
-        let median = build(&mesh, &options.with_method(Method::Median)).expect("a tree");
-        assert!(
-            median.stats().references as u64 <= max_refs.max(2000),
-            "median too"
-        );
+    }
+}
+
+#[test]
+fn too_many_primitives_are_refused_before_anything_is_allocated() {
+    let source = Lattice { count: u32::MAX };
+    for options in builders() {
+        let error = build(&source, &options).err();
+        let expected = BuildError::TooManyPrimitives {
+            primitives: u32::MAX,
+        };
+        assert_eq!(error, Some(expected), "{options:?}");
     }
 }
 
@@ -178,7 +310,8 @@ fn sources_are_checked() {
         min: good.min + 3.0 * f32::from(i),
         max: good.max + 3.0 * f32::from(i),
     });
-    let tree = build(&Boxes(row.collect()), &BuildOptions::best()).expect("eight boxes");
+    let one_by_one = BuildOptions::best().with_cost(CostModel::CLASSIC);
+    let tree = build(&Boxes(row.collect()), &one_by_one).expect("eight boxes");
     assert_eq!(
         tree.stats().references,
         8,

@@ -57,11 +57,17 @@ fn option_rows() -> Vec<BuildOptions> {
             ..CostModel::CLASSIC
         }),
         BuildOptions::best().with_cost(CostModel::CLASSIC),
+        BuildOptions::best().with_longest_axis(true),
+        BuildOptions::best()
+            .with_longest_axis(true)
+            .with_cost(CostModel::CLASSIC),
+        BuildOptions::best().with_median_levels(2),
     ]
 }
 
 #[test]
 fn slow_and_fast_builders_agree_on_scenes() {
+    let mut differing = 0;
     for (scene, size) in [
         (Spd::Balls, 1),
         (Spd::Gears, 1),
@@ -72,14 +78,20 @@ fn slow_and_fast_builders_agree_on_scenes() {
         (Spd::Sombrero, 1),
     ] {
         let mesh = scene.generate(size).expect("a small size").mesh;
-        let tree = check_same_tree(&mesh, &BuildOptions::best());
-        assert!(
-            tree.depth() > 6,
-            "{}: a tree worth comparing, depth {}",
-            scene.name(),
-            tree.depth()
-        );
+        let name = scene.name();
+        assert!(mesh.len() > 50, "{name}: {} triangles", mesh.len());
+        assert!(mesh.len() < 3500, "{name}: O(N²) for {}", mesh.len());
+        let best = check_same_tree(&mesh, &BuildOptions::best());
+        let longest = BuildOptions::best().with_longest_axis(true);
+        let longest = check_same_tree(&mesh, &longest);
+        for tree in [&best, &longest] {
+            let depth = tree.depth();
+            assert!(depth > 6, "{name}: a tree worth comparing, depth {depth}");
+        }
+        differing += usize::from(best.nodes() != longest.nodes());
     }
+    // Not where all cells are cubes, as in `tetra`.
+    assert!(differing >= 3, "the option shows in {differing} scenes");
 }
 
 #[test]
@@ -103,11 +115,17 @@ fn thread_counts_do_not_show() {
         },
     ]
     .map(|method| BuildOptions::fast().with_method(method));
+    // A top of medians above each preset.
+    let with_median_levels = [
+        BuildOptions::fast().with_median_levels(1),
+        BuildOptions::balanced().with_median_levels(3),
+        BuildOptions::best().with_median_levels(5),
+    ];
     for options in option_rows()
         .into_iter()
         .chain([half_as_many_again])
         .chain(methods)
-        .chain([BuildOptions::fast().with_median_levels(3)])
+        .chain(with_median_levels)
     {
         let with =
             |threads| build(&mesh, &options.clone().with_threads(threads)).expect("valid options");
@@ -126,7 +144,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn slow_and_fast_builders_agree_on_nasty_meshes(mesh in common::mesh(60), row in 0_usize..9) {
+    fn slow_and_fast_builders_agree_on_nasty_meshes(mesh in common::mesh(60), row in 0..option_rows().len()) {
         check_same_tree(&mesh, &option_rows()[row]);
     }
 

@@ -33,9 +33,6 @@ struct Block {
 
 const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
 
-const LANES_U32: u32 = 8;
-const _: () = assert!(LANES_U32 as usize == LANES, "the same number");
-
 impl Block {
     /// No triangles: whatever looks at a corner that is NaN finds no hit.
     const EMPTY: Self = Self {
@@ -115,7 +112,7 @@ impl PackedTree {
             if node.is_leaf() {
                 let triangles = node.count();
                 *node = Node::leaf(count, triangles).expect("a leaf's count fits a leaf");
-                let blocks = triangles.div_ceil(LANES_U32);
+                let blocks = triangles.div_ceil(PER_BLOCK);
                 count = count
                     .checked_add(blocks)
                     .expect("32 bits count references, and a block holds at least one");

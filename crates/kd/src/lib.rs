@@ -98,7 +98,7 @@ pub use kd_core::{
     Aabb, Axis, CostModel, FileError, Hit, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
     NodeIndex, NodeView, Ray, Tree, TreeError, TreeStats, offset_origin,
 };
-pub use kd_sah::{BuildError, BuildOptions, Method};
+pub use kd_sah::{BuildError, BuildOptions, Method, Watch};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
 pub use kd_trace::{Level, PackedTree, TraversalCounts};

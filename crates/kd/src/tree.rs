@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use kd_core::{FileError, Hit, Mesh, Node, Ray, Tree, TreeStats};
-use kd_sah::{BuildError, BuildOptions};
+use kd_sah::{BuildError, BuildOptions, Watch};
 use kd_trace::{Level, PackedTree, TraversalCounts};
 
 /// A kd-tree over a mesh, with its leaves packed, ready to trace. Queries take `&self` and may run on any number of threads.
@@ -36,13 +36,55 @@ impl KdTree {
     pub fn build(mesh: impl Into<Arc<Mesh>>, options: &BuildOptions) -> Result<Self, BuildError> {
         let mesh = mesh.into();
         let tree = kd_sah::build(&*mesh, options)?;
-        // Asked for one thread, it stays on this one.
-        let packed = if *options == options.clone().with_threads(1) {
+        Ok(Self::with_packed_leaves(mesh, tree, options))
+    }
+
+    /// [`build`](Self::build) for long builds: `watch` is called up to 256 times on the way with the part that is done,
+    /// from 0 to 1, and can end the build by breaking. What it sees is the tree; packing the leaves comes after.
+    ///
+    /// ```
+    /// use std::ops::ControlFlow;
+    /// use std::sync::atomic::{AtomicBool, Ordering};
+    ///
+    /// use kd::{BuildError, BuildOptions, KdTree, Mesh};
+    ///
+    /// let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+    /// let stop = AtomicBool::new(false); // set, say, by a button
+    /// let watch = |done: f32| {
+    ///     eprintln!("{:.0} %", 100.0 * done);
+    ///     if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    /// };
+    /// let tree = KdTree::build_watched(mesh.clone(), &BuildOptions::best(), &watch)?;
+    /// assert_eq!(tree.stats().references, 1);
+    ///
+    /// stop.store(true, Ordering::Relaxed);
+    /// let cancelled = KdTree::build_watched(mesh, &BuildOptions::best(), &watch);
+    /// assert_eq!(cancelled.err(), Some(BuildError::Cancelled));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Those of [`build`](Self::build), and [`BuildError::Cancelled`] soon after `watch` has broken.
+    pub fn build_watched(
+        mesh: impl Into<Arc<Mesh>>,
+        options: &BuildOptions,
+        watch: &Watch<'_>,
+    ) -> Result<Self, BuildError> {
+        let mesh = mesh.into();
+        let tree = kd_sah::build_watched(&*mesh, options, watch)?;
+        Ok(Self::with_packed_leaves(mesh, tree, options))
+    }
+
+    /// Packs the leaves of a tree over `mesh`, on as many threads as it was built on.
+    fn with_packed_leaves(mesh: Arc<Mesh>, tree: Tree, options: &BuildOptions) -> Self {
+        let one_thread = *options == options.clone().with_threads(1);
+        let packed = if one_thread {
             PackedTree::new(&tree, &mesh)
         } else {
             packed(&tree, &mesh)
         };
-        Ok(Self { mesh, tree, packed })
+        Self { mesh, tree, packed }
     }
 
     /// The same tree, traced with other instructions than the fastest there are. Answers are the same; for tests and

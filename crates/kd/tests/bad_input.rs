@@ -1,6 +1,11 @@
 //! What a user may do wrong, and what then happens.
 
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use kd::{BuildError, BuildOptions, CostModel, KdTree, Mesh, Method, Ray};
+use kd_scene::Spd;
 
 #[test]
 fn an_empty_mesh_is_a_tree_that_nothing_hits() {
@@ -85,5 +90,32 @@ fn extreme_coordinates_build_and_trace() {
                 "{scale}: the facing triangle"
             );
         }
+    }
+}
+
+/// What is watched is the build, not another tree.
+#[test]
+fn a_watched_build_tells_and_ends() {
+    let mesh = Arc::new(Spd::Gears.generate(1).expect("a small size").mesh);
+    for threads in [1, 2] {
+        let options = BuildOptions::balanced().with_threads(threads);
+        let calls = AtomicUsize::new(0);
+        let tree = KdTree::build_watched(Arc::clone(&mesh), &options, &|done| {
+            calls.fetch_add(1, Ordering::Relaxed);
+            assert!((0.0..=1.0).contains(&done), "{threads} threads: {done}");
+            ControlFlow::Continue(())
+        })
+        .expect("nobody ended it");
+        let unwatched = KdTree::build(Arc::clone(&mesh), &options).expect("a tree");
+        assert_eq!(tree.nodes(), unwatched.nodes(), "{threads} threads");
+        assert_eq!(tree.stats(), unwatched.stats(), "{threads} threads");
+        let calls = calls.into_inner();
+        assert!(calls > 1, "{threads} threads: {calls} calls");
+        let ended = KdTree::build_watched(Arc::clone(&mesh), &options, &|_| ControlFlow::Break(()));
+        assert_eq!(
+            ended.err(),
+            Some(BuildError::Cancelled),
+            "{threads} threads"
+        );
     }
 }

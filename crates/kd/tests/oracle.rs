@@ -1,5 +1,5 @@
-//! Builders × every query against testing all triangles, on every generated scene: equal to the bit. (The slow
-//! builders give the tree of the exact one, which the tests of `kd-sah` hold.)
+//! Builders × every query against testing all triangles, on every generated scene: equal to the bit. The slow builders
+//! give the very tree of the exact one, so its answers are theirs.
 
 mod rays;
 
@@ -25,6 +25,9 @@ const SCENES: [(Spd, u32, usize); 11] = [
     (Spd::Jacks, 1, 100_000),
 ];
 
+/// The most triangles of a scene that the O(N²) builder meets.
+const NAIVE_UP_TO: usize = 1500;
+
 fn builders() -> Vec<(&'static str, BuildOptions)> {
     let packed = CostModel {
         traverse: 1.0,
@@ -32,10 +35,24 @@ fn builders() -> Vec<(&'static str, BuildOptions)> {
         lanes: 8,
         empty_bonus: 0.8,
     };
+    let by = |method| BuildOptions::balanced().with_method(method);
     vec![
+        ("median", by(Method::Median)),
+        ("binned", by(Method::Binned { bins: 32 })),
         (
-            "median",
-            BuildOptions::balanced().with_method(Method::Median),
+            "sampled on one axis",
+            by(Method::Sampled { all_axes: false }),
+        ),
+        (
+            "sampled on all axes",
+            by(Method::Sampled { all_axes: true }),
+        ),
+        (
+            "hybrid of few bins",
+            by(Method::Hybrid {
+                bins: 4,
+                exact_below: 8,
+            }),
         ),
         ("fast", BuildOptions::fast()),
         ("balanced", BuildOptions::balanced()),
@@ -71,33 +88,69 @@ fn every_query_on_every_scene_equals_brute_force() {
     }
 }
 
+#[test]
+fn slow_builders_give_the_tree_that_met_brute_force() {
+    let mut met_by_naive = 0;
+    for (scene, size, _) in SCENES {
+        let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+        let by = |method| {
+            let options = BuildOptions::best().with_method(method);
+            KdTree::build(Arc::clone(&mesh), &options).expect("valid options")
+        };
+        let exact = by(Method::Exact);
+        let mut slow = vec![Method::Resort, Method::Sweep];
+        if mesh.len() <= NAIVE_UP_TO {
+            slow.push(Method::Naive);
+            met_by_naive += 1;
+        }
+        for method in slow {
+            let tree = by(method);
+            let is_same =
+                tree.nodes() == exact.nodes() && tree.tree().refs() == exact.tree().refs();
+            assert!(is_same, "{} by {method:?}", scene.name());
+        }
+    }
+    assert!(
+        met_by_naive >= 4,
+        "scenes small enough for O(N²): {met_by_naive}"
+    );
+}
+
 /// Multi-hit is dearer to check, so fewer rays meet it.
 #[test]
 fn ordered_hits_on_every_scene_equal_brute_force() {
-    let (mut found, mut expected) = (Vec::new(), Vec::new());
+    let mut found = Vec::new();
     for (scene, size, count) in SCENES {
         let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
         let rays = rays_for(&mesh, count / 20, 2);
+        let most = |i: usize| [1, 2, 4, usize::MAX][i % 4];
+        let expected: Vec<Vec<Hit>> = rays
+            .iter()
+            .enumerate()
+            .map(|(i, ray)| {
+                let mut hits = Vec::new();
+                brute_force::hits(&mesh, ray, most(i), &mut hits);
+                hits
+            })
+            .collect();
+        let several = expected.iter().filter(|hits| hits.len() > 1).count();
+        assert!(
+            20 * several > rays.len(),
+            "{}: {several} rays with several hits",
+            scene.name()
+        );
         for (builder, options) in builders() {
             let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
-            let mut several = 0;
-            for (i, ray) in rays.iter().enumerate() {
-                let max = [1, 2, 4, usize::MAX][i % 4];
+            for (i, (ray, expected)) in rays.iter().zip(&expected).enumerate() {
+                let max = most(i);
                 tree.hits(ray, max, &mut found);
-                brute_force::hits(&mesh, ray, max, &mut expected);
                 assert_eq!(
-                    found,
+                    &found,
                     expected,
                     "{} by {builder}, first {max} hits of {ray:?}",
                     scene.name()
                 );
-                several += usize::from(found.len() > 1);
             }
-            assert!(
-                20 * several > rays.len(),
-                "{}: {several} rays with several hits",
-                scene.name()
-            );
         }
     }
 }

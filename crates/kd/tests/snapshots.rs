@@ -28,10 +28,8 @@ fn check(builder: &str, options: &BuildOptions) {
 
 #[test]
 fn median() {
-    check(
-        "median",
-        &BuildOptions::balanced().with_method(Method::Median),
-    );
+    // As many primitives to a leaf as it tests at once: by costs alone this builder would not stop.
+    check("median", &by(Method::Median).with_small_leaf(8));
 }
 
 #[test]
@@ -49,6 +47,30 @@ fn best() {
     check("best", &BuildOptions::best());
 }
 
+#[test]
+fn binned() {
+    check("binned", &by(Method::Binned { bins: 32 }));
+}
+
+#[test]
+fn sampled() {
+    check("sampled", &by(Method::Sampled { all_axes: true }));
+}
+
+/// Coarser above and exact further up than any preset.
+#[test]
+fn hybrid() {
+    let method = Method::Hybrid {
+        bins: 16,
+        exact_below: 256,
+    };
+    check("hybrid", &by(method));
+}
+
+fn by(method: Method) -> BuildOptions {
+    BuildOptions::best().with_method(method)
+}
+
 /// With the constants of the literature, to compare with it.
 #[test]
 fn exact_15_20() {
@@ -57,12 +79,13 @@ fn exact_15_20() {
 
 /// The slow builders have no snapshots of their own: theirs are those of the exact one.
 #[test]
-fn naive_and_resort_are_exact() {
+fn slow_builders_are_exact() {
     for (scene, size) in SCENES {
         let of = |method| stats(scene, size, &literature().with_method(method)).to_string();
         let exact = of(Method::Exact);
         assert_eq!(of(Method::Naive), exact, "{}: naive", scene.name());
         assert_eq!(of(Method::Resort), exact, "{}: resort", scene.name());
+        assert_eq!(of(Method::Sweep), exact, "{}: sweep", scene.name());
     }
 }
 

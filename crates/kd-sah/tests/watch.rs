@@ -1,0 +1,145 @@
+//! Long builds say how far they are, and end when they are told to.
+
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
+use kd_core::Mesh;
+use kd_sah::{BuildError, BuildOptions, Method, build, build_watched};
+use kd_scene::Spd;
+
+/// The most calls of a watch, as documented.
+const MOST_CALLS: usize = 256;
+
+fn builders() -> Vec<BuildOptions> {
+    let by = |method| BuildOptions::best().with_method(method);
+    vec![
+        BuildOptions::fast(),
+        BuildOptions::balanced(),
+        BuildOptions::best(),
+        by(Method::Median),
+        by(Method::Sweep),
+        by(Method::Binned { bins: 32 }),
+        by(Method::Sampled { all_axes: true }),
+        BuildOptions::best().with_max_refs(0),
+        BuildOptions::best().with_median_levels(3),
+    ]
+}
+
+fn scene() -> Mesh {
+    let mesh = Spd::Gears.generate(2).expect("a small size").mesh;
+    assert!(mesh.len() > 4_000, "enough to do: {}", mesh.len());
+    mesh
+}
+
+/// What a watch was told, which broke at the call of that number, and what became of the build.
+#[track_caller]
+fn told(
+    mesh: &Mesh,
+    options: &BuildOptions,
+    break_at: Option<usize>,
+) -> (Vec<f32>, Option<BuildError>) {
+    let told = Mutex::new(Vec::new());
+    let built = build_watched(mesh, options, &|done| {
+        let mut told = told.lock().expect("no watch panics");
+        told.push(done);
+        if Some(told.len()) == break_at {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    let told = told.into_inner().expect("no watch panics");
+    assert!(
+        told.len() <= MOST_CALLS,
+        "{options:?}: {} calls",
+        told.len()
+    );
+    assert!(
+        told.iter().all(|done| (0.0..=1.0).contains(done)),
+        "{options:?}: {told:?}"
+    );
+    if let Ok(tree) = &built {
+        let unwatched = build(mesh, options).expect("valid options");
+        assert!(
+            tree.nodes() == unwatched.nodes() && tree.refs() == unwatched.refs(),
+            "{options:?}: the same tree, watched or not"
+        );
+    }
+    (told, built.err())
+}
+
+#[test]
+fn on_one_thread_progress_only_grows_and_ends_at_one() {
+    let mesh = scene();
+    for options in builders() {
+        let (told, error) = told(&mesh, &options.clone().with_threads(1), None);
+        assert_eq!(error, None, "{options:?}");
+        assert!(told.is_sorted(), "{options:?}: {told:?}");
+        assert_eq!(told.last(), Some(&1.0), "{options:?}: done at the end");
+    }
+}
+
+#[test]
+fn several_threads_tell_the_same_parts_in_any_order() {
+    let mesh = scene();
+    let (mut alone, _) = told(&mesh, &BuildOptions::best().with_threads(1), None);
+    assert!(alone.len() > MOST_CALLS / 2, "few jumps: {}", alone.len());
+    for threads in [2, 4] {
+        for options in builders() {
+            let options = options.with_threads(threads);
+            let (mut told, error) = told(&mesh, &options, None);
+            assert_eq!(error, None, "{options:?}");
+            told.sort_by(f32::total_cmp);
+            assert_eq!(told.last(), Some(&1.0), "{options:?}: done at the end");
+        }
+    }
+    alone.dedup();
+    assert!(alone.len() > MOST_CALLS / 2, "no part is told twice");
+}
+
+#[test]
+fn what_is_done_at_once_is_told_once() {
+    for triangles in [vec![], vec![[0, 1, 2]]] {
+        let mesh = Mesh::new(
+            vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]],
+            triangles.clone(),
+        )
+        .expect("valid");
+        for options in builders() {
+            let (told, error) = told(&mesh, &options, None);
+            assert_eq!(error, None, "{options:?} {triangles:?}");
+            assert_eq!(
+                told.last(),
+                Some(&1.0),
+                "{options:?} {triangles:?}: {told:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_watch_that_breaks_ends_the_build() {
+    let mesh = scene();
+    for threads in [1, 2] {
+        for options in builders() {
+            let options = options.with_threads(threads);
+            let (all, _) = told(&mesh, &options, None);
+            let mut breaks = vec![1, all.len().div_ceil(2)];
+            if threads == 1 {
+                // Several threads may finish parts of the work together, and then tell of them in fewer calls.
+                breaks.push(all.len());
+            }
+            for break_at in breaks {
+                let (told, error) = told(&mesh, &options, Some(break_at));
+                assert_eq!(
+                    error,
+                    Some(BuildError::Cancelled),
+                    "{options:?} at {break_at}"
+                );
+                if threads == 1 {
+                    assert_eq!(told.len(), break_at, "{options:?}: no call after it");
+                }
+            }
+        }
+    }
+}
