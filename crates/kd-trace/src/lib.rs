@@ -28,7 +28,7 @@
 //! # Fast
 //!
 //! [`PackedTree`] holds a copy of the nodes and the triangles of each leaf in blocks of eight, tested at once. It has the
-//! same queries with the same answers, in a half to a third of the time.
+//! same queries with the same answers, in a half to three quarters of the time.
 //!
 //! ```
 //! # use kd_core::{Mesh, Ray};
