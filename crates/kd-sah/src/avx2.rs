@@ -76,7 +76,7 @@ impl Count for Avx2 {
 
 impl Look for Avx2 {
     #[inline(always)]
-    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: &[f32; 8]) -> u32 {
+    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; 8]) -> u32 {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { between(grid, bins, positions) }
     }
@@ -112,8 +112,8 @@ fn plus<const COMPARISON: i32>(count: __m256i, a: __m256, b: __m256) -> __m256i 
 /// A bit for each position whose [`AxisGrid::rounded`], by the same operations in the same order, is in the range.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn between(grid: &AxisGrid, (first, last): (f32, f32), positions: &[f32; 8]) -> u32 {
-    let at = _mm256_sub_ps(vector(positions), _mm256_set1_ps(grid.origin));
+fn between(grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; 8]) -> u32 {
+    let at = _mm256_sub_ps(vector(&positions), _mm256_set1_ps(grid.origin));
     let at = _mm256_mul_ps(at, _mm256_set1_ps(grid.scale));
     let at = _mm256_sub_ps(at, _mm256_set1_ps(0.5));
     let at = _mm256_max_ps(at, _mm256_setzero_ps());

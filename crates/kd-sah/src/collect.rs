@@ -116,7 +116,7 @@ pub(crate) struct Search<'a> {
 /// A way to look at positions.
 pub(crate) trait Look: Copy {
     /// A bit for each position that lies between the outermost wanted bins.
-    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: &[f32; LANES]) -> u32;
+    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; LANES]) -> u32;
 }
 
 /// Whatever the target has.
@@ -125,9 +125,9 @@ struct Portable;
 
 impl Look for Portable {
     #[inline(always)]
-    fn between(self, grid: &AxisGrid, (first, last): (f32, f32), positions: &[f32; LANES]) -> u32 {
+    fn between(self, grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; LANES]) -> u32 {
         let mut bits = 0;
-        for (lane, &position) in positions.iter().enumerate() {
+        for (lane, position) in positions.into_iter().enumerate() {
             let bin = grid.rounded(position);
             bits |= u32::from(first <= bin && bin <= last) << lane;
         }
@@ -156,35 +156,42 @@ impl Search<'_> {
             AxisGrid::as_rounded(self.along.first),
             AxisGrid::as_rounded(self.along.last),
         );
-        for group in prims.chunks(step * LANES) {
-            let (mut starts, mut ends) = ([0.0; LANES], [0.0; LANES]);
-            let mut there = 0;
-            for (lane, prim) in group.iter().step_by(step).enumerate() {
-                starts[lane] = prim.start(self.axis);
-                ends[lane] = prim.end(self.axis);
-                there |= 1 << lane;
+        let axis = self.axis;
+        let groups = prims.chunks_exact(step * LANES);
+        for prim in groups.remainder().iter().step_by(step) {
+            self.put_start(prim, into);
+            self.put_end(prim, into);
+        }
+        for group in groups {
+            // Made of values, not read from a list that was just written: that would wait for the writes.
+            let starts = std::array::from_fn(|lane| group[lane * step].start(axis));
+            let ends = std::array::from_fn(|lane| group[lane * step].end(axis));
+            for lane in lanes(look.between(self.grid, bins, starts)) {
+                self.put_start(&group[lane * step], into);
             }
-            let mut bits = there & look.between(self.grid, bins, &starts);
-            while bits != 0 {
-                let lane = bits.trailing_zeros() as usize % LANES;
-                bits &= bits - 1;
-                let (start, end) = (starts[lane], ends[lane]);
-                let event = if start == end {
-                    Event::planar(start)
-                } else {
-                    Event::start(start)
-                };
-                self.put(start, event, into);
+            for lane in lanes(look.between(self.grid, bins, ends)) {
+                self.put_end(&group[lane * step], into);
             }
-            let mut bits = there & look.between(self.grid, bins, &ends);
-            while bits != 0 {
-                let lane = bits.trailing_zeros() as usize % LANES;
-                bits &= bits - 1;
-                let (start, end) = (starts[lane], ends[lane]);
-                if start != end {
-                    self.put(end, Event::end(end), into);
-                }
-            }
+        }
+    }
+
+    #[inline(always)]
+    fn put_start(&self, prim: &Prim, into: &mut Collected) {
+        let (start, end) = (prim.start(self.axis), prim.end(self.axis));
+        let event = if start == end {
+            Event::planar(start)
+        } else {
+            Event::start(start)
+        };
+        self.put(start, event, into);
+    }
+
+    /// Planar primitives are told by their start.
+    #[inline(always)]
+    fn put_end(&self, prim: &Prim, into: &mut Collected) {
+        let (start, end) = (prim.start(self.axis), prim.end(self.axis));
+        if start != end {
+            self.put(end, Event::end(end), into);
         }
     }
 
@@ -197,6 +204,16 @@ impl Search<'_> {
         into.events[range.end] = event;
         range.end += usize::from(number != self.unwanted);
     }
+}
+
+/// The numbers of the bits that are set, lowest first; all are below [`LANES`].
+#[inline(always)]
+fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < LANES).then_some(lane)
+    })
 }
 
 #[cfg(test)]
@@ -254,10 +271,10 @@ mod tests {
             let positions: [f32; LANES] = std::array::from_fn(|lane| prims[lane % prims.len()].start(Axis::Y));
             let (grid, range) = (grid.along(Axis::Y), (first.min(second), first.max(second)));
             let range = (AxisGrid::as_rounded(range.0.try_into().expect("small")), AxisGrid::as_rounded(range.1.try_into().expect("small")));
-            let portable = Portable.between(&grid, range, &positions);
+            let portable = Portable.between(&grid, range, positions);
             #[cfg(target_arch = "x86_64")]
             if let Some(avx2) = crate::avx2::Avx2::detect() {
-                prop_assert_eq!(avx2.between(&grid, range, &positions), portable);
+                prop_assert_eq!(avx2.between(&grid, range, positions), portable);
             }
             prop_assert!(portable < 256);
         }

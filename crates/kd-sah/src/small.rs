@@ -152,15 +152,20 @@ impl<'a> Judge<'a> {
         ends: &[f32],
         best: &mut BestPlane<'_>,
     ) {
-        let number = starts.len();
-        // Padding lies on a face, where no plane divides the cell.
-        let mut positions = [self.along.min; 2 * SMALL + LANES];
-        positions[..number].copy_from_slice(starts);
-        positions[number..2 * number].copy_from_slice(ends);
+        // Only planes inside the cell divide it, and clipped primitives often start or end at its faces. Each position
+        // is written, and kept by going on to the next place.
+        let mut positions = [0.0; 2 * SMALL + LANES];
+        let mut number = 0;
+        for &position in starts.iter().chain(ends) {
+            positions[number] = position;
+            number += usize::from(self.along.is_inside(position));
+        }
+        // Padding lies on a face.
+        positions[number..number + LANES].fill(self.along.min);
         let mut lower_side = Least::NOTHING;
         let mut upper_side = Least::NOTHING;
         let (candidates, _) = positions.as_chunks::<LANES>();
-        for candidates in &candidates[..(2 * number).div_ceil(LANES)] {
+        for candidates in &candidates[..number.div_ceil(LANES)] {
             let (below, above) = count.below_and_above(candidates, starts, ends);
             let planar = if PLANAR {
                 planar(candidates, starts, ends)

@@ -62,7 +62,8 @@ pub(crate) fn with_threads<R: Send>(
     if threads == 1 {
         return Ok(work());
     }
-    if threads == 0 {
+    // Starting threads takes a good part of a small build, so those that are there are used where the number is right.
+    if threads == 0 || threads == rayon::current_num_threads() {
         // Moves the work into the pool, so that joining does not have to.
         return Ok(rayon::scope(|_| work()));
     }
