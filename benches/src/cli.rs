@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn what_does_not_exist_is_refused_with_what_does() {
         for (flag, value, offered) in [
-            ("--builder", "binned", "balanced"),
+            ("--builder", "grown", "balanced"),
             ("--structure", "grid", "kd"),
             ("--layout", "wide", "binary"),
             ("--rays", "primary-batch", "primary"),

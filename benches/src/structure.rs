@@ -70,8 +70,16 @@ pub(crate) enum BuilderName {
     Naive,
     /// The same plane, O(N log² N)
     Resort,
-    /// The same plane, O(N log N)
+    /// The same plane, O(N log N), from events sorted once
+    Sweep,
+    /// The same plane, from bins that bound what is in them
     Exact,
+    /// Planes at and beside the boundaries of 32 bins
+    Binned,
+    /// Planes where a cost sampled at 16 planes an axis is least
+    Sampled,
+    /// The best preset below one level of medians: a subtree for each of two threads
+    MedianTop,
     /// The preset that builds fast
     Fast,
     /// The preset that is the default
@@ -108,7 +116,11 @@ impl BuilderName {
             Self::Median => literature(Method::Median),
             Self::Naive => literature(Method::Naive),
             Self::Resort => literature(Method::Resort),
+            Self::Sweep => literature(Method::Sweep),
             Self::Exact => literature(Method::Exact),
+            Self::Binned => literature(Method::Binned { bins: 32 }),
+            Self::Sampled => literature(Method::Sampled { all_axes: true }),
+            Self::MedianTop => BuildOptions::best().with_median_levels(1),
             Self::Fast => BuildOptions::fast(),
             Self::Balanced => BuildOptions::balanced(),
             Self::Best => BuildOptions::best(),

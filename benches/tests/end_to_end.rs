@@ -114,7 +114,7 @@ fn compare_tells_equal_runs_from_changed_ones() {
 #[test]
 fn what_there_is_not_is_refused_with_exit_code_2() {
     for (arguments, said) in [
-        (["bench", "--builder", "binned"], "balanced"),
+        (["bench", "--builder", "grown"], "balanced"),
         (["bench", "--scene", "atlantis"], "tetra-7"),
         (["bench", "--scenes", "no/such/folder"], "no/such/folder"),
         (["bench", "--structure", "embree"], "add --peers"),

@@ -28,6 +28,10 @@ fn options() -> [BuildOptions; 3] {
     ]
 }
 
+fn median_top() -> BuildOptions {
+    BuildOptions::best().with_median_levels(1)
+}
+
 /// The build of Embree that each preset is compared with.
 pub(super) const RIVALS: [BuilderName; 3] =
     [BuilderName::Medium, BuilderName::High, BuilderName::High];
@@ -108,6 +112,18 @@ impl Settings {
         Ok(ratios)
     }
 
+    /// Time on two threads of a build that works on all of a large cell at once, over that of one that gives each
+    /// thread its half below a median (Shi 2011 §3.1.3).
+    fn nested_over_median_top(&self, mesh: &Arc<Mesh>) -> anyhow::Result<f64> {
+        let (nested, median_top) = (BuildOptions::best(), median_top());
+        let pairs = timed_in_pairs(
+            self.repeats,
+            || self.seconds(mesh, &median_top, 2),
+            || self.seconds(mesh, &nested, 2),
+        )?;
+        Ok(median_ratio(&pairs.own, &pairs.baseline))
+    }
+
     fn seconds(
         &self,
         mesh: &Arc<Mesh>,
@@ -143,6 +159,9 @@ pub(super) struct Figures {
     pub(super) trace_over_best: [f64; 3],
     /// SAH cost under the model of `best`, over that of `best`.
     pub(super) cost_over_best: [f64; 3],
+    /// On two threads, the time of `best` over that of the same below a median, and the cost of that over `best`'s.
+    pub(super) nested_over_median_top: f64,
+    pub(super) median_top_cost: f64,
     /// The most that a build has allocated at a time above the mesh until the tree is there, by triangle; on one thread
     /// and on two.
     pub(super) peak_bytes: [[f64; 2]; 3],
@@ -173,12 +192,15 @@ impl Figures {
             trees.push(tree);
         }
         let model = *trees[BEST].cost();
+        let median_top = kd::custom::build(&*scene.mesh, &median_top())?.sah_cost(&model);
         let costs: Vec<f64> = trees.iter().map(|tree| tree.sah_cost(&model)).collect();
         drop(trees);
         Ok(Self {
             over_embree: settings.over_embree(&scene.mesh, RIVALS)?,
             speed_up: settings.speed_ups(&scene.mesh)?,
             trace_over_best: trace_over_best(&scene, &source.name, settings, &mut problems)?,
+            nested_over_median_top: settings.nested_over_median_top(&scene.mesh)?,
+            median_top_cost: median_top / costs[BEST],
             cost_over_best: std::array::from_fn(|preset| costs[preset] / costs[BEST]),
             peak_bytes,
             different_trees,

@@ -13,6 +13,8 @@ use crate::terminal;
 enum Goal {
     AtMost(f64),
     AtLeast(f64),
+    /// To compare with only.
+    None,
 }
 
 #[derive(Debug)]
@@ -60,6 +62,10 @@ impl Table {
             let name = format!("speed-up on two threads, {}", PRESETS[preset]);
             add(name, Goal::AtLeast(1.85), &|f| f.speed_up[preset]);
         }
+        let name = "on two threads, best / best below a median";
+        add(name.into(), Goal::None, &|f| f.nested_over_median_top);
+        let name = "SAH cost, best below a median / best";
+        add(name.into(), Goal::None, &|f| f.median_top_cost);
         for (preset, most) in [(BALANCED, 1.02), (FAST, 1.08)] {
             let name = format!("trace time, {} / best", PRESETS[preset]);
             add(name, Goal::AtMost(most), &|f| f.trace_over_best[preset]);
@@ -87,8 +93,9 @@ impl Table {
         for row in &self.rows {
             let by_scene = self.scenes.iter().cloned().zip(row.values.iter().copied());
             let (sense, goal) = match row.goal {
-                Goal::AtMost(goal) => ("at most", goal),
-                Goal::AtLeast(goal) => ("at least", goal),
+                Goal::AtMost(goal) => (Some("at most"), Some(goal)),
+                Goal::AtLeast(goal) => (Some("at least"), Some(goal)),
+                Goal::None => (None, None),
             };
             let line = json!({
                 "row": row.name,
@@ -126,6 +133,7 @@ impl Goal {
         match self {
             Self::AtMost(goal) => value <= goal,
             Self::AtLeast(goal) => value >= goal,
+            Self::None => true,
         }
     }
 }
@@ -135,6 +143,7 @@ impl fmt::Display for Goal {
         match self {
             Self::AtMost(goal) => write!(f, "≤ {goal}"),
             Self::AtLeast(goal) => write!(f, "≥ {goal}"),
+            Self::None => write!(f, "–"),
         }
     }
 }
@@ -145,10 +154,10 @@ impl fmt::Display for Table {
         let head = titles.into_iter().chain(self.scenes.iter().cloned());
         let mut table = terminal::empty_table(head.collect());
         for row in &self.rows {
-            let met = if row.goal.is_met_by(row.value) {
-                "yes"
-            } else {
-                "NO"
+            let met = match (row.goal, row.goal.is_met_by(row.value)) {
+                (Goal::None, _) => "–",
+                (_, true) => "yes",
+                (_, false) => "NO",
             };
             let mut cells = vec![
                 row.name.clone(),
@@ -184,6 +193,8 @@ mod tests {
             speed_up: [1.9; 3],
             trace_over_best: [1.0; 3],
             cost_over_best: [1.2, 1.0, 1.0],
+            nested_over_median_top: 0.9,
+            median_top_cost: 1.1,
             peak_bytes: [[90.0, 99.0]; 3],
             different_trees: 0,
             problems: Vec::new(),

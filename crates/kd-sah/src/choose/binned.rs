@@ -20,7 +20,7 @@ use crate::promising::Promising;
 /// the side of each primitive is decided by the plane, exactly.
 const SAMPLE_ABOVE: usize = 128;
 
-/// Of so many bins on all axes considered, one is looked into.
+/// Of so many bins on all axes considered, one is looked into, and one at least.
 const BINS_PER_LOOK: usize = 12;
 
 /// Binned planes, with so many bins an axis.
