@@ -111,6 +111,9 @@ impl AxisGrid {
     }
 }
 
+/// How far off a face may be, as a fraction of a cell, four times over.
+const MARGIN: f32 = 1.0 / (1 << 20) as f32;
+
 /// Faces of bins along an axis, as fractions of a cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edges {
@@ -119,9 +122,9 @@ pub(crate) struct Edges {
 }
 
 impl Edges {
-    /// The lower face of a bin.
+    /// The lower face of a bin, up to rounding.
     #[inline]
-    pub(crate) fn at(&self, bin: usize) -> f32 {
+    fn at(&self, bin: usize) -> f32 {
         self.first + bin as f32 * self.step
     }
 
@@ -129,9 +132,15 @@ impl Edges {
     /// off, 2⁻²² of it, and fractions by no more.
     #[inline]
     pub(crate) fn around(&self, bin: usize) -> (f32, f32) {
-        const MARGIN: f32 = 1.0 / (1 << 20) as f32;
         let (start, end) = (self.at(bin) - MARGIN, self.at(bin + 1) + MARGIN);
         (start.max(0.0), end.min(1.0))
+    }
+
+    /// An interval around the lower face of a bin that the true face lies in.
+    #[inline]
+    pub(crate) fn near(&self, bin: usize) -> (f32, f32) {
+        let face = self.at(bin);
+        (face - MARGIN, face + MARGIN)
     }
 }
 

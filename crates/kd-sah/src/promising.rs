@@ -54,7 +54,7 @@ struct Boundary {
     counts: (usize, usize),
 }
 
-/// The cost at a boundary is linear only up to rounding.
+/// What is computed of a cost that is linear is so up to rounding.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 18) as f32;
 
 impl<'a> Promising<'a> {
@@ -72,8 +72,8 @@ impl<'a> Promising<'a> {
             let (mut lower, mut upper) = (0, bins.counted(axis));
             for (bin, (starting, ending)) in bins.along(axis).enumerate() {
                 if first < bin && bin <= last {
-                    let edge = edges.at(bin);
-                    let cost = of_parts(axis, (edge, lower), (1.0 - edge, upper));
+                    let (from, to) = edges.near(bin);
+                    let cost = of_parts(axis, (to, lower), (1.0 - from, upper));
                     if cost < at_most {
                         at_most = cost;
                         let counts = (lower, upper);
