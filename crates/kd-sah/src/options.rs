@@ -68,7 +68,7 @@ impl BuildOptions {
     ///
     /// Traces in 1.04 times the time of [`best`](Self::best), and its SAH cost is 1.05 times that of `best`.
     /// (`cargo xtask builds --scenes DIR` on six meshes of 39 000 to 203 000 triangles, geometric means, one thread;
-    /// `benches/records/2026-11-24-builds.jsonl`. The same holds for the other presets.)
+    /// `benches/records/2026-11-24-builds.jsonl`, as for the other presets.)
     pub const fn fast() -> Self {
         Self {
             method: Method::Hybrid {
