@@ -39,6 +39,7 @@
 //! - A primitive that lies in a plane goes to one side, the cheaper one.
 //! - The same input and options give the same bytes, whatever the number of threads.
 //! - Empty input gives one empty leaf. Zero-area primitives are kept, and end the recursion like any other.
+#![deny(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -179,7 +179,7 @@ impl BuildOptions {
     }
 
     /// Whether planes are looked for across the longest axis of each cell only, those that cut off empty space
-    /// excepted. Takes about half the time, for a tree that is a little worse.
+    /// excepted. Takes less time, for a tree that is a little worse.
     #[must_use]
     pub const fn with_longest_axis(mut self, longest_axis: bool) -> Self {
         self.longest_axis = longest_axis;

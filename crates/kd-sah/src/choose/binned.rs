@@ -4,11 +4,11 @@
 //! Two counters a bin and axis, one touched where a primitive starts and one where it ends. A pass over the bins names
 //! the few that look best, and the plane is adjusted to where geometry really starts and ends: what lies in these bins
 //! is swept exactly. Planes that cut off empty space come from the box around the primitives, which is known anyway.
-//! (Without them and without clipped boxes, binning gives trees of up to eight times the cost.)
+//! (Without them and without clipped boxes, binning gives bad trees.)
 //!
 //! Where we differ: a bin looks as good as the best plane that could be in it ([`promising`](crate::promising)), not
 //! as its boundaries. In buildings, where many primitives start and end in one plane, the cost dips between two
-//! boundaries that look bad, and trees by boundaries alone cost up to a tenth more. (The best boundary competes too.)
+//! boundaries that look bad, and trees by boundaries alone cost more. (The best boundary competes too.)
 
 use super::Memoryless;
 use crate::bins::{self, Bins, Grid};
