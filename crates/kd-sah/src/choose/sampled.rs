@@ -30,18 +30,10 @@ impl Memoryless for Sampled {
             return small::best_plane(cell.prims, cost);
         }
         let mut best = BestPlane::new(cost);
-        let extent = cell.place.tight.extent();
-        let longest = Axis::ALL.into_iter().reduce(|a, b| {
-            if extent[b.index()] > extent[a.index()] {
-                b
-            } else {
-                a
-            }
-        });
-        for axis in Axis::ALL {
-            if self.all_axes || Some(axis) == longest {
-                sample(cell, axis, parallel).offer_minima(axis, cell.prims.len(), cost, &mut best);
-            }
+        let one_axis = cost.with_longest_axis(&cell.place.bounds);
+        let axes = if self.all_axes { cost } else { &one_axis }.considered;
+        for &axis in axes {
+            sample(cell, axis, parallel).offer_minima(axis, cell.prims.len(), cost, &mut best);
         }
         offer_empty_cuts(&mut best, &cell.place.tight, cell.prims.len());
         best.found()
