@@ -1,6 +1,6 @@
 //! The part of a triangle inside a box: what makes a split *perfect*.
 
-use glam::{BVec3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 use crate::{Aabb, Axis};
 
@@ -11,38 +11,86 @@ use crate::{Aabb, Axis};
 /// touches the cell counts as inside. Constant time.
 pub fn clipped_bounds(corners: [Vec3; 3], cell: &Aabb) -> Option<Aabb> {
     let mut around = Around::NOTHING;
-    Clip::new(corners, cell).with(|points| {
-        for point in points {
-            around.add(*point);
-        }
-    });
+    for &point in clipped(corners, cell).points() {
+        around.add(point);
+    }
     around.rounded_outwards(cell)
 }
 
-/// [`clipped_bounds`] for both parts of a cell that is cut at `position` along `axis`: the lower part's, then the upper
-/// part's. It clips to the cell once.
+/// [`clipped_bounds`] for both parts of a cell that is cut at `position` along `axis`. It clips to the cell once: the lower
+/// part's box comes first, then the upper part's.
+#[inline]
 pub fn clipped_halves(
     corners: [Vec3; 3],
     cell: &Aabb,
     axis: Axis,
     position: f32,
 ) -> [Option<Aabb>; 2] {
+    let along = axis.index();
+    let [a, b, c] = corners;
+    let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+    let is_whole = min.cmpge(cell.min).all() & max.cmple(cell.max).all();
+    if is_whole & (min[along] < position) & (position < max[along]) {
+        halves_of_whole(corners, cell, along, position).map(Some)
+    } else {
+        halves_of_part(corners, cell, axis, position)
+    }
+}
+
+/// Both parts of a triangle inside the cell that the plane cuts: one corner is alone on its side, and two edges cross
+/// the plane. Most triangles that builders cut are of this kind, so it is done without a branch, and all but the two
+/// crossings in f32, where nothing is rounded.
+#[inline]
+fn halves_of_whole(corners: [Vec3; 3], cell: &Aabb, along: usize, position: f32) -> [Aabb; 2] {
+    /// The corner that is alone, by which corners lie below.
+    const ALONE: [usize; 8] = [0, 0, 1, 2, 2, 1, 0, 0];
+    let below = corners.map(|corner| corner[along] < position);
+    let which = usize::from(below[0]) | usize::from(below[1]) << 1 | usize::from(below[2]) << 2;
+    let alone = ALONE[which];
+    let [apex, first, second] = [0, 1, 2].map(|at| corners[(alone + at) % 3]);
+    let is_apex_below = apex[along] < position;
+
+    let plane = f64::from(position);
+    let crossing = |other: Vec3| {
+        let [from, to] = [apex, other].map(|end| end.as_dvec3());
+        crossing(from, to, along, plane)
+    };
+    let (p, q) = (crossing(first), crossing(second));
+    let cut = Aabb {
+        min: Vec3::from_array(p.min(q).to_array().map(round_down)).max(cell.min),
+        max: Vec3::from_array(p.max(q).to_array().map(round_up)).min(cell.max),
+    };
+    let tip = cut.union(&Aabb {
+        min: apex,
+        max: apex,
+    });
+    let rest = cut.union(&Aabb {
+        min: first.min(second),
+        max: first.max(second),
+    });
+    if is_apex_below {
+        [tip, rest]
+    } else {
+        [rest, tip]
+    }
+}
+
+/// Both parts of any triangle.
+fn halves_of_part(corners: [Vec3; 3], cell: &Aabb, axis: Axis, position: f32) -> [Option<Aabb>; 2] {
     let (mut lower, mut upper) = (Around::NOTHING, Around::NOTHING);
     let (along, plane) = (axis.index(), f64::from(position));
-    Clip::new(corners, cell).with(|points| {
-        for (from, to) in edges(points) {
-            let (before, after) = (from[along], to[along]);
-            if after <= plane {
-                lower.add(to);
-            }
-            if after >= plane {
-                upper.add(to);
-            }
-            if (before < plane && plane < after) || (after < plane && plane < before) {
-                let point = crossing(from, to, along, plane);
-                lower.add(point);
-                upper.add(point);
-            }
+    clipped(corners, cell).for_each_edge(|from, to| {
+        let (before, after) = (from[along], to[along]);
+        if after <= plane {
+            lower.add(to);
+        }
+        if after >= plane {
+            upper.add(to);
+        }
+        if (before < plane && plane < after) || (after < plane && plane < before) {
+            let point = crossing(from, to, along, plane);
+            lower.add(point);
+            upper.add(point);
         }
     });
     let (lower_cell, upper_cell) = cell.split(axis, position);
@@ -52,58 +100,36 @@ pub fn clipped_halves(
     ]
 }
 
-/// A triangle on its way to its part in a cell.
-struct Clip<'a> {
-    triangle: [DVec3; 3],
-    cell: &'a Aabb,
-    /// The sides that it reaches across.
-    below: BVec3,
-    above: BVec3,
-}
-
-impl<'a> Clip<'a> {
-    #[inline]
-    fn new([a, b, c]: [Vec3; 3], cell: &'a Aabb) -> Self {
-        Self {
-            triangle: [a, b, c].map(|corner| corner.as_dvec3()),
-            cell,
-            below: a.min(b).min(c).cmplt(cell.min),
-            above: a.max(b).max(c).cmpgt(cell.max),
+/// The part of a triangle in a cell: Sutherland and Hodgman's clipping, against the sides that it reaches across.
+#[inline]
+fn clipped([a, b, c]: [Vec3; 3], cell: &Aabb) -> Polygon {
+    let below = a.min(b).min(c).cmplt(cell.min);
+    let above = a.max(b).max(c).cmpgt(cell.max);
+    let mut polygons = [Polygon::NOTHING; 2];
+    let [mut polygon, mut spare] = polygons.each_mut();
+    for corner in [a, b, c] {
+        polygon.push(corner.as_dvec3());
+    }
+    for axis in 0..3 {
+        if below.test(axis) {
+            let plane = f64::from(cell.min[axis]);
+            polygon.clip(axis, plane, |x| x < plane, spare);
+            std::mem::swap(&mut polygon, &mut spare);
+        }
+        if above.test(axis) {
+            let plane = f64::from(cell.max[axis]);
+            polygon.clip(axis, plane, |x| x > plane, spare);
+            std::mem::swap(&mut polygon, &mut spare);
         }
     }
-
-    /// Hands on the corners of the part, in order. Most triangles that a plane cuts are whole until then.
-    #[inline]
-    fn with(&self, use_points: impl FnOnce(&[DVec3])) {
-        if self.below.any() || self.above.any() {
-            use_points(self.clipped().points());
-        } else {
-            use_points(&self.triangle);
-        }
-    }
-
-    /// Sutherland and Hodgman's clipping, against the sides that are crossed.
-    fn clipped(&self) -> Polygon {
-        let mut polygon = Polygon::NOTHING;
-        for corner in self.triangle {
-            polygon.push(corner);
-        }
-        for axis in 0..3 {
-            if self.below.test(axis) {
-                polygon = polygon.inside(axis, f64::from(self.cell.min[axis]), 1.0);
-            }
-            if self.above.test(axis) {
-                polygon = polygon.inside(axis, f64::from(self.cell.max[axis]), -1.0);
-            }
-        }
-        polygon
-    }
+    *polygon
 }
 
 /// A triangle cut by six planes has at most nine corners.
 const MOST_CORNERS: usize = 9;
 
 /// A convex polygon, corners in order.
+#[derive(Clone, Copy)]
 struct Polygon {
     corners: [DVec3; MOST_CORNERS],
     count: usize,
@@ -119,47 +145,47 @@ impl Polygon {
         &self.corners[..self.count]
     }
 
-    /// What lies on the side of the plane that `sign` points to, the plane included.
-    fn inside(&self, axis: usize, plane: f64, sign: f64) -> Self {
-        let is_outside = |p: DVec3| (p[axis] - plane) * sign < 0.0;
-        let mut kept = Self::NOTHING;
-        for (from, to) in edges(self.points()) {
-            if is_outside(from) != is_outside(to) {
+    /// Hands on both ends of each edge.
+    #[inline]
+    fn for_each_edge(&self, mut use_edge: impl FnMut(DVec3, DVec3)) {
+        let mut from = self.points().last().copied().unwrap_or(DVec3::ZERO);
+        for &to in self.points() {
+            use_edge(from, to);
+            from = to;
+        }
+    }
+
+    /// Keeps what is not outside.
+    #[inline]
+    fn clip(&self, axis: usize, plane: f64, is_outside: impl Fn(f64) -> bool, kept: &mut Self) {
+        kept.count = 0;
+        self.for_each_edge(|from, to| {
+            let (is_from_outside, is_to_outside) = (is_outside(from[axis]), is_outside(to[axis]));
+            if is_from_outside != is_to_outside {
                 kept.push(crossing(from, to, axis, plane));
             }
-            if !is_outside(to) {
+            if !is_to_outside {
                 kept.push(to);
             }
-        }
-        kept
+        });
     }
 
     /// Rounding can make a polygon cross a plane more than twice, if only within an ulp; then it may have a corner too
     /// many, which is as good as the last one.
     #[inline]
     fn push(&mut self, point: DVec3) {
-        self.count = (self.count + 1).min(MOST_CORNERS);
-        self.corners[self.count - 1] = point;
+        let last = self.count.min(MOST_CORNERS - 1);
+        self.corners[last] = point;
+        self.count = last + 1;
     }
-}
-
-/// Each corner, with the one before it first.
-#[inline]
-fn edges(points: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
-    let last = points.last().copied().unwrap_or(DVec3::ZERO);
-    points.iter().scan(last, |before, &point| {
-        Some((std::mem::replace(before, point), point))
-    })
 }
 
 /// Where an edge crosses a plane. The same edge seen from its two ends gives the same point: it starts at the lower
 /// end always.
+#[inline]
 fn crossing(from: DVec3, to: DVec3, axis: usize, plane: f64) -> DVec3 {
-    let (a, b) = if from[axis] < to[axis] {
-        (from, to)
-    } else {
-        (to, from)
-    };
+    let is_upwards = from[axis] < to[axis];
+    let (a, b) = if is_upwards { (from, to) } else { (to, from) };
     let mut point = a + (b - a) * ((plane - a[axis]) / (b[axis] - a[axis]));
     point[axis] = plane;
     point

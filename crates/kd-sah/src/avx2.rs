@@ -12,7 +12,10 @@ use std::arch::x86_64::{
     _mm256_sub_epi32, _mm256_sub_ps,
 };
 
-use crate::bins::AxisGrid;
+use kd_core::PrimSource;
+
+use crate::bins::{self, AxisGrid, EightGrids, FindBins};
+use crate::cell::{Block, Compare, Division, Filled};
 use crate::collect::{Collected, Look, Search};
 use crate::plane::{CellCost, Plane};
 use crate::prim::Prim;
@@ -61,6 +64,44 @@ impl Avx2 {
     }
 }
 
+impl Avx2 {
+    /// [`bins::Search::count_by`] compiled for AVX2.
+    pub(crate) fn count<const ROOM: usize>(self, search: &bins::Search<'_>, counts: &mut [u32]) {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2<const ROOM: usize>(
+            proof: Avx2,
+            search: &bins::Search<'_>,
+            counts: &mut [u32],
+        ) {
+            search.count_by::<ROOM>(proof, counts);
+        }
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { with_avx2::<ROOM>(self, search, counts) }
+    }
+
+    /// [`Division::divide_by`] compiled for AVX2.
+    pub(crate) fn divide<S: PrimSource>(
+        self,
+        division: &Division<'_, S>,
+        block: &Block,
+        lists: [&mut [Prim]; 2],
+        filled: &mut Filled,
+    ) {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2<S: PrimSource>(
+            proof: Avx2,
+            division: &Division<'_, S>,
+            block: &Block,
+            lists: [&mut [Prim]; 2],
+            filled: &mut Filled,
+        ) {
+            division.divide_by(proof, block, lists, filled);
+        }
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { with_avx2(self, division, block, lists, filled) }
+    }
+}
+
 impl Count for Avx2 {
     #[inline(always)]
     fn below_and_above(
@@ -71,6 +112,23 @@ impl Count for Avx2 {
     ) -> ([u32; 16], [u32; 16]) {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { below_and_above(candidates, starts, ends) }
+    }
+}
+
+impl FindBins for Avx2 {
+    #[inline(always)]
+    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8] {
+        // SAFETY: `self` proves that the processor has AVX2.
+        let rounded = unsafe { rounded(grids, positions) };
+        rounded.map(|[lowest, ..]| lowest)
+    }
+}
+
+impl Compare for Avx2 {
+    #[inline(always)]
+    fn below_and_above(self, position: f32, starts: [f32; 8], ends: [f32; 8]) -> (u8, u8) {
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { starts_below_and_ends_above(position, starts, ends) }
     }
 }
 
@@ -107,6 +165,29 @@ fn plus<const COMPARISON: i32>(count: __m256i, a: __m256, b: __m256) -> __m256i 
     // True is -1.
     let holds = _mm256_castps_si256(_mm256_cmp_ps::<COMPARISON>(a, b));
     _mm256_sub_epi32(count, holds)
+}
+
+/// [`AxisGrid::rounded`] of each position, by the same operations in the same order, as bytes.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn rounded(grids: &EightGrids, positions: &[f32; 8]) -> [[u8; 4]; 8] {
+    let at = _mm256_sub_ps(vector(positions), vector(&grids.origin));
+    let at = _mm256_mul_ps(at, vector(&grids.scale));
+    let at = _mm256_sub_ps(at, _mm256_set1_ps(0.5));
+    let at = _mm256_max_ps(at, _mm256_setzero_ps());
+    let at = _mm256_min_ps(at, _mm256_set1_ps(grids.last));
+    bytemuck::cast(_mm256_add_ps(at, _mm256_set1_ps(AxisGrid::INTEGERS)))
+}
+
+/// A bit for each start below the position, and one for each end above it.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn starts_below_and_ends_above(position: f32, starts: [f32; 8], ends: [f32; 8]) -> (u8, u8) {
+    let position = _mm256_set1_ps(position);
+    let below = _mm256_cmp_ps::<_CMP_LT_OQ>(vector(&starts), position);
+    let above = _mm256_cmp_ps::<_CMP_GT_OQ>(vector(&ends), position);
+    let bits = |holds| _mm256_movemask_ps(holds).to_le_bytes()[0];
+    (bits(below), bits(above))
 }
 
 /// A bit for each position whose [`AxisGrid::rounded`], by the same operations in the same order, is in the range.

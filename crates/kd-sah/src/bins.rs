@@ -54,14 +54,6 @@ impl Grid {
         }
     }
 
-    /// The bins on all axes: [`AxisGrid::bin`] by the same operations on vectors.
-    #[inline]
-    fn bins_of(&self, position: Vec4) -> [u8; 3] {
-        let at = (position - self.origin) * self.scale - Vec4::splat(0.5);
-        let at = at.max(Vec4::ZERO).min(Vec4::splat(self.last)) + Vec4::splat(AxisGrid::INTEGERS);
-        [at.x, at.y, at.z].map(low_byte)
-    }
-
     /// Where the bins of an axis start and end, as fractions of a cell that holds the box.
     pub(crate) fn edges(&self, along: &AxisCost, axis: Axis) -> Edges {
         let scale = self.scale[axis.index()];
@@ -150,57 +142,53 @@ fn low_byte(x: f32) -> u8 {
     x.to_bits() as u8
 }
 
-/// How many primitives start, and how many end, in one bin of each axis.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Bin {
-    pub(crate) starts: [u32; 3],
-    pub(crate) ends: [u32; 3],
+/// Counts for so many bins at most, which is enough for most cells: less memory to clear.
+const FEW_BINS: usize = 32;
+
+/// How many primitives start, and how many end, in each bin of each axis that is counted.
+#[derive(Clone)]
+pub(crate) struct Bins {
+    bins: usize,
+    /// The axes that were counted, in order.
+    axes: &'static [Axis],
+    /// A table of starts and one of ends for each axis, each with room for [`FEW_BINS`] or [`MOST_BINS`].
+    counts: Vec<u32>,
 }
 
-/// The counts.
-#[derive(Clone, Debug)]
-pub(crate) struct Bins(Vec<Bin>);
-
 impl Bins {
-    /// Counts each `step`th primitive, along one axis only.
-    fn of_axis(prims: &[Prim], grid: &Grid, step: usize, axis: Axis) -> Self {
-        let mut bins = vec![Bin::default(); grid.bins];
-        let grid = grid.along(axis);
-        for prim in prims.iter().step_by(step) {
-            bins[usize::from(grid.bin(prim.start(axis)))].starts[axis.index()] += 1;
-            bins[usize::from(grid.bin(prim.end(axis)))].ends[axis.index()] += 1;
-        }
-        Self(bins)
-    }
-
     /// Counts each `step`th primitive.
-    fn of(prims: &[Prim], grid: &Grid, step: usize) -> Self {
-        let mut bins = vec![Bin::default(); grid.bins];
-        for prim in prims.iter().step_by(step) {
-            let [x, y, z] = grid.bins_of(prim.low());
-            bins[usize::from(x)].starts[0] += 1;
-            bins[usize::from(y)].starts[1] += 1;
-            bins[usize::from(z)].starts[2] += 1;
-            let [x, y, z] = grid.bins_of(prim.high());
-            bins[usize::from(x)].ends[0] += 1;
-            bins[usize::from(y)].ends[1] += 1;
-            bins[usize::from(z)].ends[2] += 1;
+    fn of(prims: &[Prim], axes: &'static [Axis], grid: &Grid, step: usize) -> Self {
+        let room = if grid.bins <= FEW_BINS {
+            FEW_BINS
+        } else {
+            MOST_BINS
+        };
+        let mut bins = Self {
+            bins: grid.bins,
+            axes,
+            counts: vec![0; 2 * axes.len() * room],
+        };
+        let search = Search {
+            prims,
+            step,
+            axes,
+            grid,
+        };
+        if room == FEW_BINS {
+            search.count::<FEW_BINS>(&mut bins.counts);
+        } else {
+            search.count::<MOST_BINS>(&mut bins.counts);
         }
-        Self(bins)
+        bins
     }
 
     /// Of all chunks together (Push).
     pub(crate) fn sum(chunks: &[Self]) -> Cow<'_, Self> {
-        let Some((first, others)) = chunks.split_first() else {
-            return Cow::Owned(Self(Vec::new()));
-        };
+        let (first, others) = chunks.split_first().expect("a cell is not empty");
         let mut sum = Cow::Borrowed(first);
         for other in others {
-            for (own, other) in sum.to_mut().0.iter_mut().zip(&other.0) {
-                for axis in 0..3 {
-                    own.starts[axis] += other.starts[axis];
-                    own.ends[axis] += other.ends[axis];
-                }
+            for (own, other) in sum.to_mut().counts.iter_mut().zip(&other.counts) {
+                *own += other;
             }
         }
         sum
@@ -212,42 +200,180 @@ impl Bins {
         &self,
         axis: Axis,
     ) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
-        let axis = axis.index();
-        let counts = move |bin: &Bin| (bin.starts[axis] as usize, bin.ends[axis] as usize);
-        self.0.iter().map(counts)
+        let (starts, ends) = self.of_axis(axis);
+        let counts = starts.iter().zip(ends);
+        counts.map(|(&starts, &ends)| (starts as usize, ends as usize))
     }
 
     /// How many primitives start in a bin, and how many end there.
     #[inline]
     pub(crate) fn at(&self, axis: Axis, bin: usize) -> (usize, usize) {
-        let axis = axis.index();
-        (
-            self.0[bin].starts[axis] as usize,
-            self.0[bin].ends[axis] as usize,
-        )
+        let (starts, ends) = self.of_axis(axis);
+        (starts[bin] as usize, ends[bin] as usize)
     }
 
     /// How many primitives were counted, along an axis that was: each starts once.
     pub(crate) fn counted(&self, axis: Axis) -> usize {
         self.along(axis).map(|(starts, _)| starts).sum()
     }
+
+    /// The starts and the ends along an axis that was counted.
+    #[inline]
+    fn of_axis(&self, axis: Axis) -> (&[u32], &[u32]) {
+        let axis = if self.axes.len() == 1 {
+            0
+        } else {
+            axis.index()
+        };
+        let room = self.counts.len() / (2 * self.axes.len());
+        let (starts, ends) = self.counts[2 * axis * room..][..2 * room].split_at(room);
+        (&starts[..self.bins], &ends[..self.bins])
+    }
 }
 
 /// The counts of every `step`th primitive of a cell, in chunks, so that several threads can count (`PreScan` of Choi et
-/// al. 2010).
+/// al. 2010). `axes` are one, or all in order.
 pub(crate) fn count(
     cell: Cell<'_>,
-    axes: &[Axis],
+    axes: &'static [Axis],
     grid: &Grid,
     step: usize,
     parallel: bool,
 ) -> Vec<Bins> {
-    tasks::map(
-        cell.prims.chunks(CHUNK).collect(),
-        parallel,
-        |chunk: &[Prim]| match axes {
-            [axis] => Bins::of_axis(chunk, grid, step, *axis),
-            _ => Bins::of(chunk, grid, step),
-        },
-    )
+    let chunks = cell.prims.chunks(CHUNK).collect();
+    tasks::map(chunks, parallel, |chunk: &[Prim]| {
+        Bins::of(chunk, axes, grid, step)
+    })
+}
+
+/// What is to be counted.
+pub(crate) struct Search<'a> {
+    prims: &'a [Prim],
+    step: usize,
+    axes: &'static [Axis],
+    grid: &'a Grid,
+}
+
+/// A way to find the bins of eight positions.
+pub(crate) trait FindBins: Copy {
+    /// What [`AxisGrid::bin`] gives for each.
+    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8];
+}
+
+/// Whatever the target has.
+#[derive(Clone, Copy)]
+struct Portable;
+
+impl FindBins for Portable {
+    #[inline(always)]
+    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8] {
+        std::array::from_fn(|lane| {
+            let grid = AxisGrid {
+                origin: grids.origin[lane],
+                scale: grids.scale[lane],
+                last: grids.last,
+            };
+            grid.bin(positions[lane])
+        })
+    }
+}
+
+/// A grid for each of eight positions, of equally many bins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EightGrids {
+    pub(crate) origin: [f32; 8],
+    pub(crate) scale: [f32; 8],
+    pub(crate) last: f32,
+}
+
+impl Search<'_> {
+    /// Counts in tables of `ROOM` bins.
+    fn count<const ROOM: usize>(&self, counts: &mut [u32]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = crate::avx2::Avx2::detect() {
+            return avx2.count::<ROOM>(self, counts);
+        }
+        self.count_by::<ROOM>(Portable, counts);
+    }
+
+    #[inline(always)]
+    pub(crate) fn count_by<const ROOM: usize>(&self, find: impl FindBins, counts: &mut [u32]) {
+        match (self.axes, counts.as_chunks_mut::<ROOM>().0) {
+            (&[axis], [starts, ends]) => self.count_axis(find, axis, [starts, ends]),
+            (_, [a, b, c, d, e, f]) => self.count_all(find, [a, b, c, d, e, f]),
+            _ => unreachable!("planes are looked for across one axis or all of them"),
+        }
+    }
+
+    /// Along one axis, both ends of four primitives at a time.
+    #[inline(always)]
+    fn count_axis<const ROOM: usize>(
+        &self,
+        find: impl FindBins,
+        axis: Axis,
+        [starts, ends]: [&mut [u32; ROOM]; 2],
+    ) {
+        let grid = self.grid.along(axis);
+        let grids = EightGrids {
+            origin: [grid.origin; 8],
+            scale: [grid.scale; 8],
+            last: grid.last,
+        };
+        let mut tables = [starts, ends];
+        let rest = if self.step == 1 {
+            let (fours, rest) = self.prims.as_chunks::<4>();
+            for four in fours {
+                count_four::<ROOM, 4>(find, axis, &grids, four.each_ref(), &mut tables);
+            }
+            rest
+        } else {
+            self.prims
+        };
+        for prim in rest.iter().step_by(self.step) {
+            count_four::<ROOM, 1>(find, axis, &grids, [prim; 4], &mut tables);
+        }
+    }
+
+    /// Along all axes, all six ends of a primitive at a time.
+    #[inline(always)]
+    fn count_all<const ROOM: usize>(
+        &self,
+        find: impl FindBins,
+        [x_starts, x_ends, y_starts, y_ends, z_starts, z_ends]: [&mut [u32; ROOM]; 6],
+    ) {
+        let twice = |v: Vec4| bytemuck::cast([v.to_array(); 2]);
+        let grids = EightGrids {
+            origin: twice(self.grid.origin),
+            scale: twice(self.grid.scale),
+            last: self.grid.last,
+        };
+        for prim in self.prims.iter().step_by(self.step) {
+            let bins = find.bins(&grids, prim.ends());
+            let bins = bins.map(|bin| usize::from(bin) % ROOM);
+            x_starts[bins[0]] += 1;
+            y_starts[bins[1]] += 1;
+            z_starts[bins[2]] += 1;
+            x_ends[bins[4]] += 1;
+            y_ends[bins[5]] += 1;
+            z_ends[bins[6]] += 1;
+        }
+    }
+}
+
+/// Counts the first `NUMBER` of four primitives.
+#[inline(always)]
+fn count_four<const ROOM: usize, const NUMBER: usize>(
+    find: impl FindBins,
+    axis: Axis,
+    grids: &EightGrids,
+    four: [&Prim; 4],
+    [starts, ends]: &mut [&mut [u32; ROOM]; 2],
+) {
+    let [a, b, c, d] = four.map(|prim| prim.start(axis));
+    let [e, f, g, h] = four.map(|prim| prim.end(axis));
+    let bins = find.bins(grids, &[a, b, c, d, e, f, g, h]);
+    for lane in 0..NUMBER {
+        starts[usize::from(bins[lane]) % ROOM] += 1;
+        ends[usize::from(bins[4 + lane]) % ROOM] += 1;
+    }
 }

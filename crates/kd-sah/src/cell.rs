@@ -1,6 +1,8 @@
 //! A cell of the tree being built, and how a plane divides it.
 
+use glam::Vec3;
 use kd_core::{Aabb, PrimSource};
+use smallvec::SmallVec;
 
 use crate::plane::{Plane, Side};
 use crate::prim::{Around, Prim};
@@ -70,19 +72,37 @@ impl Counted {
         counted
     }
 
-    /// Of a large cell, possibly on several threads; each chunk's counts, too.
-    pub(crate) fn in_chunks(prims: &[Prim], plane: &Plane, parallel: bool) -> (Self, Vec<Self>) {
-        let chunks = tasks::map(
-            prims.chunks(CHUNK).collect(),
-            parallel,
-            |chunk: &[Prim]| Self::of(chunk, plane),
-        );
-        let mut sum = Self::default();
-        for chunk in &chunks {
-            sum.lower += chunk.lower;
-            sum.upper += chunk.upper;
+    fn and(self, other: Self) -> Self {
+        Self {
+            lower: self.lower + other.lower,
+            upper: self.upper + other.upper,
         }
-        (sum, chunks)
+    }
+}
+
+/// The counts of each chunk of a large cell, and their sum.
+pub(crate) struct ChunkCounts {
+    sum: Counted,
+    counts: Vec<Counted>,
+}
+
+impl ChunkCounts {
+    /// Counts on several threads.
+    pub(crate) fn of(prims: &[Prim], plane: &Plane) -> Self {
+        let chunks = prims.chunks(CHUNK).collect();
+        let counts = tasks::map(chunks, true, |chunk: &[Prim]| Counted::of(chunk, plane));
+        Self {
+            sum: counts
+                .iter()
+                .copied()
+                .fold(Counted::default(), Counted::and),
+            counts,
+        }
+    }
+
+    /// Primitives that both parts have together.
+    pub(crate) fn total(&self) -> usize {
+        self.sum.lower + self.sum.upper
     }
 }
 
@@ -93,148 +113,375 @@ pub(crate) struct Division<'a, S> {
     pub(crate) plane: &'a Plane,
 }
 
+/// Both parts of a divided cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Divided {
+    /// The places of the lower and the upper part.
+    pub(crate) places: [Place; 2],
+    pub(crate) counted: Counted,
+    /// Where their primitives are.
+    whereabouts: Whereabouts,
+}
+
+/// Where the primitives of both parts are: in the memory of the cell, or in what was free. Each part starts its memory
+/// unless said otherwise.
+#[derive(Clone, Copy, Debug)]
+enum Whereabouts {
+    /// The lower part is where the cell was, the upper one where it was free.
+    LowerStays,
+    /// The other way round.
+    UpperStays,
+    /// Both are where it was free, the upper part from a place on.
+    BothMoved { upper_from: usize },
+}
+
+/// The primitives of a cell, and memory for those of the cells below it.
+pub(crate) struct Room<'a> {
+    pub(crate) prims: &'a mut [Prim],
+    pub(crate) free: &'a mut [Prim],
+}
+
+impl Divided {
+    /// One part with all the room there is, while the other one has been finished or, above the lower part, waits.
+    pub(crate) fn one<'a>(
+        &self,
+        part: Side,
+        cell: &'a mut [Prim],
+        free: &'a mut [Prim],
+    ) -> Room<'a> {
+        let Counted { lower, upper } = self.counted;
+        let (prims, free) = match (self.whereabouts, part) {
+            (Whereabouts::LowerStays, Side::Lower) => (&mut cell[..lower], &mut free[upper..]),
+            (Whereabouts::LowerStays, Side::Upper) => (&mut free[..upper], cell),
+            (Whereabouts::UpperStays, Side::Lower) => free.split_at_mut(lower),
+            (Whereabouts::UpperStays, Side::Upper) => (&mut cell[..upper], free),
+            (Whereabouts::BothMoved { .. }, Side::Lower) => (&mut free[..lower], cell),
+            (Whereabouts::BothMoved { upper_from }, Side::Upper) => {
+                (&mut free[upper_from..][..upper], cell)
+            }
+        };
+        Room { prims, free }
+    }
+
+    /// Both parts, and the rest of the room divided between them.
+    pub(crate) fn both<'a>(&self, cell: &'a mut [Prim], free: &'a mut [Prim]) -> [Room<'a>; 2] {
+        let Counted { lower, upper } = self.counted;
+        let room = |prims, free| Room { prims, free };
+        match self.whereabouts {
+            Whereabouts::LowerStays => {
+                let ((lower, below), (upper, above)) =
+                    (cell.split_at_mut(lower), free.split_at_mut(upper));
+                [room(lower, above), room(upper, below)]
+            }
+            Whereabouts::UpperStays => {
+                let ((lower, below), (upper, above)) =
+                    (free.split_at_mut(lower), cell.split_at_mut(upper));
+                [room(lower, above), room(upper, below)]
+            }
+            Whereabouts::BothMoved { upper_from } => {
+                let (lower_list, upper_list) = free.split_at_mut(upper_from);
+                let share = cell.len() * lower / (lower + upper).max(1);
+                let (below, above) = cell.split_at_mut(share);
+                [
+                    room(&mut lower_list[..lower], below),
+                    room(&mut upper_list[..upper], above),
+                ]
+            }
+        }
+    }
+}
+
+/// Primitives that are divided together: a bit for each fits into an integer.
+const BLOCK: usize = 64;
+
+/// Primitives that are held against a plane together.
+const LANES: usize = 8;
+
+/// A copy of some primitives, to be divided while what they are a copy of is overwritten.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    prims: [Prim; BLOCK],
+    count: usize,
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Self {
+            prims: [Prim::NONE; BLOCK],
+            count: 0,
+        }
+    }
+}
+
+impl Block {
+    /// Copies the first ones of a list.
+    fn copy_from(&mut self, prims: &[Prim]) {
+        self.count = prims.len().min(BLOCK);
+        self.prims[..self.count].copy_from_slice(&prims[..self.count]);
+    }
+}
+
+/// A bit for each primitive of a block.
+type Bits = u64;
+
+/// The numbers of the bits that are set, lowest first.
+#[inline(always)]
+fn numbers(mut bits: Bits) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let number = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (number < BLOCK).then_some(number)
+    })
+}
+
+/// A way to hold primitives against a plane.
+pub(crate) trait Compare: Copy {
+    /// A bit for each start below the position, and one for each end above it.
+    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8);
+}
+
+/// Whatever the target has.
+#[derive(Clone, Copy)]
+struct Portable;
+
+impl Compare for Portable {
+    #[inline(always)]
+    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8) {
+        let (mut below, mut above) = (0, 0);
+        for lane in 0..LANES {
+            below |= u8::from(starts[lane] < position) << lane;
+            above |= u8::from(ends[lane] > position) << lane;
+        }
+        (below, above)
+    }
+}
+
 /// How much of both parts is filled, and the boxes around it.
 #[derive(Clone, Copy, Debug)]
-struct Filled {
+pub(crate) struct Filled {
     counted: Counted,
     lower_tight: Around,
     upper_tight: Around,
 }
 
 impl<S: PrimSource> Division<'_, S> {
-    /// Divides a cell within a list: the primitives from `first` on are replaced by those of the upper part, and
-    /// behind them those of the lower part. Gives the places of both parts and where the lower one starts.
-    ///
-    /// `scratch` keeps the primitives of the cell itself until it is used again.
+    /// Divides a cell within its memory: one part stays, and the other one moves to the front of what is free. The free
+    /// memory must be as large as the moving part, of [`moving`](Self::moving) primitives.
     pub(crate) fn in_place(
         &self,
-        list: &mut Vec<Prim>,
-        first: usize,
-        counted: Counted,
-        scratch: &mut Vec<Prim>,
-    ) -> ([Place; 2], usize) {
-        scratch.clear();
-        scratch.extend_from_slice(&list[first..]);
-        list.resize(first + counted.upper + counted.lower, Prim::NONE);
-        let (upper, lower) = list[first..].split_at_mut(counted.upper);
-        let filled = self.run(scratch, lower, upper);
-        let middle = first + filled.counted.upper;
-        if filled.counted != counted {
-            let lower = first + counted.upper;
-            list.copy_within(lower..lower + filled.counted.lower, middle);
-            list.truncate(middle + filled.counted.lower);
+        cell: &mut [Prim],
+        free: &mut [Prim],
+        block: &mut Block,
+    ) -> Divided {
+        let stays = self.staying();
+        let mut filled = Filled::NOTHING;
+        let mut from = 0;
+        while from < cell.len() {
+            // Nothing is written behind what has been read.
+            block.copy_from(&cell[from..]);
+            from += block.count;
+            let lists = match stays {
+                Side::Lower => [&mut *cell, &mut *free],
+                Side::Upper => [&mut *free, &mut *cell],
+            };
+            self.divide(block, lists, &mut filled);
         }
-        (self.places(&filled), middle)
+        self.divided(
+            &filled,
+            match stays {
+                Side::Lower => Whereabouts::LowerStays,
+                Side::Upper => Whereabouts::UpperStays,
+            },
+        )
     }
 
-    /// Divides a large cell into two lists, in chunks and possibly on several threads (`ClassifyTriangles` and
+    /// The part that stays, because more is likely to be in it: the one that takes more of the box around the
+    /// primitives. All of it, where empty space is cut off.
+    fn staying(&self) -> Side {
+        let axis = self.plane.axis.index();
+        let (below, above) = (
+            self.plane.position - self.place.tight.min[axis],
+            self.place.tight.max[axis] - self.plane.position,
+        );
+        if below > above {
+            Side::Lower
+        } else {
+            Side::Upper
+        }
+    }
+
+    /// How many primitives move if the cell is divided in place.
+    pub(crate) fn moving(&self, cell: &[Prim]) -> usize {
+        let counted = Counted::of(cell, self.plane);
+        match self.staying() {
+            Side::Lower => counted.upper,
+            Side::Upper => counted.lower,
+        }
+    }
+
+    /// Divides a large cell into free memory, in chunks and possibly on several threads (`ClassifyTriangles` and
     /// `FilterGeometry` of Choi et al. 2010). Each chunk has been counted, so it is known where its part of the outcome
-    /// goes, and the order is that of the cell.
+    /// goes, and the order is that of the cell. There must be room for all of them.
     pub(crate) fn in_chunks(
         &self,
-        prims: &[Prim],
-        (sum, counts): &(Counted, Vec<Counted>),
-        parallel: bool,
-    ) -> [(Place, Vec<Prim>); 2] {
-        let mut lower = vec![Prim::NONE; sum.lower];
-        let mut upper = vec![Prim::NONE; sum.upper];
+        cell: &[Prim],
+        free: &mut [Prim],
+        ChunkCounts { sum, counts }: &ChunkCounts,
+    ) -> Divided {
+        let (lower, upper) = free.split_at_mut(sum.lower);
+        let upper = &mut upper[..sum.upper];
         let mut chunks = Vec::with_capacity(counts.len());
-        let (mut lower_rest, mut upper_rest) = (lower.as_mut_slice(), upper.as_mut_slice());
-        for (chunk, count) in prims.chunks(CHUNK).zip(counts) {
+        let (mut lower_rest, mut upper_rest) = (&mut *lower, &mut *upper);
+        for (chunk, count) in cell.chunks(CHUNK).zip(counts) {
             let (lower, upper);
             (lower, lower_rest) = lower_rest.split_at_mut(count.lower);
             (upper, upper_rest) = upper_rest.split_at_mut(count.upper);
             chunks.push((chunk, lower, upper));
         }
-        let filled = tasks::map(chunks, parallel, |(chunk, lower, upper)| {
-            self.run(chunk, lower, upper)
+        let filled = tasks::map(chunks, true, |(chunk, lower, upper)| {
+            let mut filled = Filled::NOTHING;
+            let mut block = Block::default();
+            for prims in chunk.chunks(BLOCK) {
+                block.copy_from(prims);
+                self.divide(&block, [&mut *lower, &mut *upper], &mut filled);
+            }
+            filled
         });
         let gaps = filled.iter().map(|chunk| chunk.counted).zip(counts);
-        close_gaps(
-            &mut lower,
-            gaps.clone()
-                .map(|(filled, counted)| (filled.lower, counted.lower)),
-        );
-        close_gaps(
-            &mut upper,
-            gaps.map(|(filled, counted)| (filled.upper, counted.upper)),
-        );
-        let all = filled.iter().copied().reduce(|mut all, chunk| {
-            all.lower_tight.join(&chunk.lower_tight);
-            all.upper_tight.join(&chunk.upper_tight);
-            all
-        });
-        let [lower_place, upper_place] = self.places(&all.unwrap_or(Filled::NOTHING));
-        [(lower_place, lower), (upper_place, upper)]
+        let lower_gaps = gaps
+            .clone()
+            .map(|(filled, counted)| (filled.lower, counted.lower));
+        let upper_gaps = gaps.map(|(filled, counted)| (filled.upper, counted.upper));
+        close_gaps(lower, lower_gaps);
+        close_gaps(upper, upper_gaps);
+        let all = filled.iter().copied().reduce(|all, chunk| all.and(&chunk));
+        let all = all.unwrap_or(Filled::NOTHING);
+        self.divided(
+            &all,
+            Whereabouts::BothMoved {
+                upper_from: sum.lower,
+            },
+        )
     }
 
-    fn places(&self, filled: &Filled) -> [Place; 2] {
+    fn divided(&self, filled: &Filled, whereabouts: Whereabouts) -> Divided {
         let (lower, upper) = self
             .place
             .bounds
             .split(self.plane.axis, self.plane.position);
-        [(lower, filled.lower_tight), (upper, filled.upper_tight)].map(|(bounds, tight)| Place {
-            bounds,
-            tight: tight.bounds(),
-            depth: self.place.depth + 1,
-        })
+        let places = [(lower, filled.lower_tight), (upper, filled.upper_tight)];
+        Divided {
+            places: places.map(|(bounds, tight)| Place {
+                bounds,
+                tight: tight.bounds(),
+                depth: self.place.depth + 1,
+            }),
+            counted: filled.counted,
+            whereabouts,
+        }
     }
 
-    /// Divides primitives into two lists that are as long as was counted. What straddles the plane is clipped anew from
-    /// the original primitive ("perfect split").
+    /// Divides a block: appends to both lists, in order, and takes note of it. What straddles the plane is clipped anew
+    /// from the original primitive ("perfect split").
     ///
     /// All builders divide by this one function, so equal planes give equal trees.
-    fn run(&self, prims: &[Prim], lower_list: &mut [Prim], upper_list: &mut [Prim]) -> Filled {
-        let plane = self.plane;
-        let planar_lower = plane.planar_side == Side::Lower;
-        let (mut lower, mut upper) = (0, 0);
-        for prim in prims {
-            let (below, above) = (
-                prim.start(plane.axis) < plane.position,
-                prim.end(plane.axis) > plane.position,
-            );
-            if below && above {
-                let [below, above] = self.cut(prim);
-                if let Some(part) = below {
-                    lower_list[lower] = part;
-                    lower += 1;
-                }
-                if let Some(part) = above {
-                    upper_list[upper] = part;
-                    upper += 1;
-                }
-                continue;
-            }
-            // Which side is as good as random, so it is written to both, and kept on one.
-            let is_lower = below | (!above & planar_lower);
-            if let Some(place) = lower_list.get_mut(lower) {
-                *place = *prim;
-            }
-            if let Some(place) = upper_list.get_mut(upper) {
-                *place = *prim;
-            }
-            lower += usize::from(is_lower);
-            upper += usize::from(!is_lower);
+    fn divide(&self, block: &Block, lists: [&mut [Prim]; 2], filled: &mut Filled) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = crate::avx2::Avx2::detect() {
+            return avx2.divide(self, block, lists, filled);
         }
-        Filled {
-            counted: Counted { lower, upper },
-            lower_tight: Around::all(&lower_list[..lower]),
-            upper_tight: Around::all(&upper_list[..upper]),
+        self.divide_by(Portable, block, lists, filled);
+    }
+
+    /// On which side a primitive lies is as good as random, so there is no branch on it: first there are bits that
+    /// tell it for all, and then each list takes its own.
+    #[inline(always)]
+    pub(crate) fn divide_by(
+        &self,
+        compare: impl Compare,
+        block: &Block,
+        [lower_list, upper_list]: [&mut [Prim]; 2],
+        filled: &mut Filled,
+    ) {
+        let [lower_bits, upper_bits] = self.sides(compare, block);
+        let Counted { lower, upper } = filled.counted;
+        let (lower_list, upper_list) = (&mut lower_list[lower..], &mut upper_list[upper..]);
+        let mut lower = take(&block.prims, lower_bits, lower_list);
+        let mut upper = take(&block.prims, upper_bits, upper_list);
+
+        let cut = lower_bits & upper_bits;
+        if cut != 0 {
+            // All are fetched before the first one is needed.
+            let shapes: SmallVec<[S::Shape; BLOCK]> = numbers(cut)
+                .map(|number| self.source.shape(block.prims[number].slot()))
+                .collect();
+            // The last one first: what clipping finds to be nothing is closed up, and moves only what is mended.
+            let mut rest = cut;
+            for shape in shapes.iter().rev() {
+                let number = rest.ilog2();
+                let before = (1 << number) - 1;
+                rest &= before;
+                let at = |bits: Bits| (bits & before).count_ones() as usize;
+                let [below, above] = self.cut(&block.prims[number as usize], shape);
+                lower -= mend(&mut lower_list[at(lower_bits)..lower], below);
+                upper -= mend(&mut upper_list[at(upper_bits)..upper], above);
+            }
         }
+        for prim in &lower_list[..lower] {
+            filled.lower_tight.add(prim);
+        }
+        for prim in &upper_list[..upper] {
+            filled.upper_tight.add(prim);
+        }
+        filled.counted.lower += lower;
+        filled.counted.upper += upper;
+    }
+
+    /// Which primitives of a block go to the lower and to the upper part; those in both are cut.
+    #[inline(always)]
+    fn sides(&self, compare: impl Compare, block: &Block) -> [Bits; 2] {
+        let Plane { axis, position, .. } = *self.plane;
+        let (mut below, mut above) = (0, 0);
+        let (groups, _) = block.prims.as_chunks::<LANES>();
+        for (number, group) in groups[..block.count.div_ceil(LANES)].iter().enumerate() {
+            let starts = group.each_ref().map(|prim| prim.start(axis));
+            let ends = group.each_ref().map(|prim| prim.end(axis));
+            let bits = compare.below_and_above(position, starts, ends);
+            below |= Bits::from(bits.0) << (LANES * number);
+            above |= Bits::from(bits.1) << (LANES * number);
+        }
+        let all = Bits::MAX >> (BLOCK - block.count);
+        let sides = match self.plane.planar_side {
+            Side::Lower => [below | !above, above],
+            Side::Upper => [below, above | !below],
+        };
+        sides.map(|bits| bits & all)
     }
 
     /// The parts of a primitive that the plane cuts.
-    fn cut(&self, prim: &Prim) -> [Option<Prim>; 2] {
-        let (slot, plane) = (prim.slot(), self.plane);
-        let mut parts =
-            self.source
-                .clipped_halves(slot, &self.place.bounds, plane.axis, plane.position);
-        if parts == [None, None] {
+    ///
+    /// Sides of the cell that the part in it does not touch need no clipping: were they not there, the part would reach
+    /// no further, because it is convex, and would have to cross the side.
+    #[inline(always)]
+    fn cut(&self, prim: &Prim, shape: &S::Shape) -> [Option<Prim>; 2] {
+        let (plane, cell, whole) = (self.plane, &self.place.bounds, prim.bounds());
+        let infinite = Vec3::splat(f32::INFINITY);
+        let touched = Aabb {
+            min: Vec3::select(whole.min.cmpgt(cell.min), -infinite, cell.min),
+            max: Vec3::select(whole.max.cmplt(cell.max), infinite, cell.max),
+        };
+        let parts = self
+            .source
+            .clipped_halves(shape, &touched, plane.axis, plane.position)
+            .map(|part| part.map(|part| part.intersection(&whole)));
+        let parts = if parts == [None, None] {
             // Rounding put a sliver of it outside of both; it must not be lost.
-            let (below, above) = prim.bounds().split(plane.axis, plane.position);
-            parts = [Some(below), Some(above)];
-        }
-        parts.map(|part| part.map(|bounds| Prim::new(slot, &bounds)))
+            let (below, above) = whole.split(plane.axis, plane.position);
+            [Some(below), Some(above)]
+        } else {
+            parts
+        };
+        parts.map(|part| part.map(|bounds| Prim::new(prim.slot(), &bounds)))
     }
 }
 
@@ -244,10 +491,42 @@ impl Filled {
         lower_tight: Around::NOTHING,
         upper_tight: Around::NOTHING,
     };
+
+    /// This and another one.
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            counted: self.counted.and(other.counted),
+            lower_tight: self.lower_tight.and(&other.lower_tight),
+            upper_tight: self.upper_tight.and(&other.upper_tight),
+        }
+    }
+}
+
+/// Copies what bits name to the front of a list, and gives how many that are.
+#[inline(always)]
+fn take(prims: &[Prim; BLOCK], bits: Bits, list: &mut [Prim]) -> usize {
+    let count = bits.count_ones() as usize;
+    for (place, number) in list[..count].iter_mut().zip(numbers(bits)) {
+        *place = prims[number];
+    }
+    count
+}
+
+/// Puts a part of a primitive in its place, the first of a list, or closes up the list if there is no such part. Gives
+/// how many are gone.
+#[inline(always)]
+fn mend(list: &mut [Prim], part: Option<Prim>) -> usize {
+    if let Some(part) = part {
+        list[0] = part;
+        0
+    } else {
+        list.copy_within(1.., 0);
+        1
+    }
 }
 
 /// Moves what was filled together, where clipping left less of a chunk than was counted.
-fn close_gaps(prims: &mut Vec<Prim>, chunks: impl Iterator<Item = (usize, usize)>) {
+fn close_gaps(prims: &mut [Prim], chunks: impl Iterator<Item = (usize, usize)>) {
     let (mut to, mut from) = (0, 0);
     for (filled, counted) in chunks {
         if to < from {
@@ -256,5 +535,4 @@ fn close_gaps(prims: &mut Vec<Prim>, chunks: impl Iterator<Item = (usize, usize)
         to += filled;
         from += counted;
     }
-    prims.truncate(to);
 }

@@ -31,6 +31,9 @@ pub(crate) trait ChoosePlane: Sync {
     /// What the chooser keeps for a cell, beside the cell itself.
     type Kept: Send;
 
+    /// Whether [`divide`](Self::divide) looks at the primitives of the divided cell; they are not kept otherwise.
+    const LOOKS_BACK: bool = false;
+
     /// What to keep for the root.
     fn begin(&self, root: Cell<'_>) -> Self::Kept;
 
@@ -44,7 +47,8 @@ pub(crate) trait ChoosePlane: Sync {
         parallel: bool,
     ) -> Option<Plane>;
 
-    /// What to keep for the lower and the upper part of a divided cell.
+    /// What to keep for the lower and the upper part of a divided cell, which has no primitives here unless
+    /// [`LOOKS_BACK`](Self::LOOKS_BACK) asks for them.
     fn divide(
         &self,
         kept: Self::Kept,

@@ -156,22 +156,43 @@ impl Search<'_> {
             AxisGrid::as_rounded(self.along.first),
             AxisGrid::as_rounded(self.along.last),
         );
-        let axis = self.axis;
-        let groups = prims.chunks_exact(step * LANES);
-        for prim in groups.remainder().iter().step_by(step) {
+        let rest = if step == 1 {
+            let (groups, rest) = prims.as_chunks::<LANES>();
+            for group in groups {
+                self.look_at(look, bins, group.each_ref(), into);
+            }
+            rest
+        } else {
+            let groups = prims.chunks_exact(step * LANES);
+            let rest = groups.remainder();
+            for group in groups {
+                let group = std::array::from_fn(|lane| &group[lane * step]);
+                self.look_at(look, bins, group, into);
+            }
+            rest
+        };
+        for prim in rest.iter().step_by(step) {
             self.put_start(prim, into);
             self.put_end(prim, into);
         }
-        for group in groups {
-            // Made of values, not read from a list that was just written: that would wait for the writes.
-            let starts = std::array::from_fn(|lane| group[lane * step].start(axis));
-            let ends = std::array::from_fn(|lane| group[lane * step].end(axis));
-            for lane in lanes(look.between(self.grid, bins, starts)) {
-                self.put_start(&group[lane * step], into);
-            }
-            for lane in lanes(look.between(self.grid, bins, ends)) {
-                self.put_end(&group[lane * step], into);
-            }
+    }
+
+    #[inline(always)]
+    fn look_at(
+        &self,
+        look: impl Look,
+        bins: (f32, f32),
+        group: [&Prim; LANES],
+        into: &mut Collected,
+    ) {
+        // Made of values, not read from a list that was just written: that would wait for the writes.
+        let starts = group.map(|prim| prim.start(self.axis));
+        let ends = group.map(|prim| prim.end(self.axis));
+        for lane in lanes(look.between(self.grid, bins, starts)) {
+            self.put_start(group[lane], into);
+        }
+        for lane in lanes(look.between(self.grid, bins, ends)) {
+            self.put_end(group[lane], into);
         }
     }
 

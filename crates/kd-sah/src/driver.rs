@@ -4,17 +4,20 @@ use std::sync::{Mutex, PoisonError};
 
 use kd_core::{CostModel, Node, Pair, PrimSource, Slot};
 
-use crate::cell::{Cell, Counted, Division, Place};
+use crate::cell::{Block, Cell, ChunkCounts, Counted, Divided, Division, Place, Room};
 use crate::choose::{ChoosePlane, Median, Memoryless as _};
 use crate::options::{BuildError, BuildOptions};
 use crate::output::{Built, Interior, Output};
-use crate::plane::{BestPlane, CellCost, LeafCost, Plane, offer_empty_cuts};
+use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, offer_empty_cuts};
 use crate::prim::Prim;
 use crate::progress::{Share, Watched};
-use crate::tasks;
+use crate::tasks::{self, CHUNK};
 
 /// Cells with fewer primitives are built within one task.
 const TASK_PRIMS: usize = 1024;
+
+/// Cells with fewer primitives are divided by one thread.
+const CHUNKED_PRIMS: usize = 2 * CHUNK;
 
 /// What a build is about.
 pub(crate) struct Task<'a, S> {
@@ -68,8 +71,9 @@ impl<S: PrimSource> Task<'_, S> {
         let driver = self.driver(chooser, start.max_depth);
         let mut worker = Worker::default();
         worker.output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
-        let (part, prims) = driver.begin(start);
-        let built = driver.grow_large(part, prims, &mut worker)?;
+        let (part, mut prims) = driver.begin(start);
+        let mut free = Prim::room_for(roomy(prims.len()));
+        let built = driver.grow(part, &mut prims, &mut free, &mut worker)?;
         worker.output.pairs[0].0[0] = built.node;
         Ok(worker.output)
     }
@@ -82,17 +86,27 @@ impl<S: PrimSource> Task<'_, S> {
     ) -> Result<(Plane, [Start; 2]), Start> {
         let max_depth = start.max_depth;
         let driver = self.driver(chooser, max_depth);
-        let (part, prims) = driver.begin(start);
-        let back = |part: Part<_>, prims| Start {
+        let (mut part, mut prims) = driver.begin(start);
+        let Some(plane) = driver.plane(&prims, &mut part) else {
+            return Err(Start {
+                place: part.place,
+                prims,
+                allowance: part.allowance,
+                max_depth,
+            });
+        };
+        let mut free = Prim::room_for(prims.len());
+        let memory = (&mut *prims, &mut *free);
+        let (divided, [lower, upper]) =
+            driver.divide(part, &plane, memory, None, &mut Worker::default());
+        let [below, above] = divided.both(&mut prims, &mut free);
+        let starts = [(lower, below), (upper, above)].map(|(part, room)| Start {
             place: part.place,
-            prims,
+            prims: room.prims.to_vec(),
             allowance: part.allowance,
             max_depth,
-        };
-        match driver.divide(part, prims) {
-            Ok((plane, parts)) => Ok((plane, parts.map(|(part, prims)| back(part, prims)))),
-            Err((part, prims)) => Err(back(part, prims)),
-        }
+        });
+        Ok((plane, starts))
     }
 
     fn driver<'a, C: ChoosePlane>(&'a self, chooser: &'a C, max_depth: u32) -> Driver<'a, S, C> {
@@ -113,11 +127,13 @@ impl<S: PrimSource> Task<'_, S> {
 #[derive(Debug, Default)]
 struct Worker {
     output: Output,
-    /// Primitives of small cells that wait for their turn: the next one's last. Depth first, so that there is never
-    /// more than a path's worth of siblings.
-    pending: Vec<Prim>,
-    /// Primitives of the small cell that was just divided.
-    scratch: Vec<Prim>,
+    block: Block,
+}
+
+/// So much memory that it is likely to last for the cells below one of so many primitives: at least a half of each
+/// stays where it is, and some are cut.
+fn roomy(prims: usize) -> usize {
+    prims + prims / 8
 }
 
 /// A cell to be built, but for its primitives.
@@ -127,12 +143,6 @@ struct Part<K> {
     kept: K,
     allowance: Allowance,
 }
-
-/// A part with a list of its own.
-type Large<K> = (Part<K>, Vec<Prim>);
-
-/// A plane and both parts, or the cell itself if it should be a leaf.
-type Divided<K> = Result<(Plane, [Large<K>; 2]), Large<K>>;
 
 /// What a cell inherits on its way down.
 #[derive(Clone, Copy, Debug)]
@@ -160,7 +170,7 @@ struct Driver<'a, S, C> {
 
 impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
     /// A cell whose ancestors this driver did not build.
-    fn begin(&self, start: Start) -> Large<C::Kept> {
+    fn begin(&self, start: Start) -> (Part<C::Kept>, Vec<Prim>) {
         let kept = self.chooser.begin(Cell {
             place: &start.place,
             prims: &start.prims,
@@ -173,115 +183,98 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         (part, start.prims)
     }
 
-    /// Builds the subtree of a cell with a list of its own; what lies below its root goes to the output.
-    fn grow_large(
+    /// Builds the subtree of a cell; what lies below its root goes to the output. Neither the primitives nor what is in
+    /// the free memory are the same afterwards.
+    fn grow(
         &self,
-        part: Part<C::Kept>,
-        prims: Vec<Prim>,
+        mut part: Part<C::Kept>,
+        prims: &mut [Prim],
+        free: &mut [Prim],
         worker: &mut Worker,
     ) -> Result<Built, BuildError> {
         let count = prims.len();
-        if count < TASK_PRIMS {
-            let first = worker.pending.len();
-            worker.pending.extend_from_slice(&prims);
-            drop(prims);
-            return self.grow_small(part, first, worker);
-        }
-        let place = part.place;
-        let (plane, [lower, upper]) = match self.divide(part, prims) {
-            Ok(divided) => divided,
-            Err((part, prims)) => {
-                return self.leaf(&prims, &part.allowance, &mut worker.output);
-            }
+        let Some(plane) = self.plane(prims, &mut part) else {
+            return self.leaf(prims, &part.allowance, &mut worker.output);
         };
-        let places = [lower.0.place, upper.0.place];
-        let interior = Interior::begin(&place, &places, &mut worker.output);
-        let children = if self.parallel {
-            self.grow_both(lower, upper, worker)?
+        let place = part.place;
+        let chunks =
+            (self.parallel && count >= CHUNKED_PRIMS).then(|| ChunkCounts::of(prims, &plane));
+        let needed = match &chunks {
+            Some(chunks) => chunks.total(),
+            None if free.len() < count => self.division(&place, &plane).moving(prims),
+            None => 0,
+        };
+        let mut more;
+        let free = if free.len() < needed {
+            more = Prim::room_for(roomy(needed));
+            &mut more
         } else {
-            let lower = self.grow_large(lower.0, lower.1, worker)?;
-            [lower, self.grow_large(upper.0, upper.1, worker)?]
+            free
+        };
+        let (divided, [lower, upper]) = self.divide(part, &plane, (prims, free), chunks, worker);
+        let interior = Interior::begin(&place, &divided.places, &mut worker.output);
+        let children = if self.parallel && count >= TASK_PRIMS {
+            let [below, above] = divided.both(prims, free);
+            self.grow_both((lower, below), (upper, above), worker)?
+        } else {
+            let below = divided.one(Side::Lower, prims, free);
+            let lower = self.grow(lower, below.prims, below.free, worker)?;
+            let above = divided.one(Side::Upper, prims, free);
+            [lower, self.grow(upper, above.prims, above.free, worker)?]
         };
         self.finish(&interior, &plane, count, &children, &mut worker.output)
     }
 
-    /// Divides a cell with a list of its own into two such; gives it back if it should be a leaf.
-    fn divide(&self, mut part: Part<C::Kept>, prims: Vec<Prim>) -> Divided<C::Kept> {
+    /// Divides a cell: in chunks, if those have been counted. There must be enough free memory.
+    fn divide(
+        &self,
+        part: Part<C::Kept>,
+        plane: &Plane,
+        (prims, free): (&mut [Prim], &mut [Prim]),
+        chunks: Option<ChunkCounts>,
+        worker: &mut Worker,
+    ) -> (Divided, [Part<C::Kept>; 2]) {
         let place = part.place;
-        let cell = Cell {
+        let whole = if C::LOOKS_BACK {
+            prims.to_vec()
+        } else {
+            Vec::new()
+        };
+        let division = self.division(&place, plane);
+        let divided = match chunks {
+            Some(chunks) => division.in_chunks(prims, free, &chunks),
+            None => division.in_place(prims, free, &mut worker.block),
+        };
+        let whole = Cell {
             place: &place,
-            prims: &prims,
+            prims: &whole,
         };
-        let divided = self.plane(cell, &mut part).and_then(|plane| {
-            let counts = Counted::in_chunks(&prims, &plane, self.parallel);
-            let allowances = part.allowance.divide(counts.0)?;
-            Some((plane, counts, allowances))
+        let rooms = divided.both(prims, free);
+        let cells = [0, 1].map(|side: usize| Cell {
+            place: &divided.places[side],
+            prims: &*rooms[side].prims,
         });
-        let Some((plane, counts, allowances)) = divided else {
-            return Err((part, prims));
-        };
-        let [(lower, lower_prims), (upper, upper_prims)] =
-            self.division(&place, &plane)
-                .in_chunks(&prims, &counts, self.parallel);
-        let parts = [(&lower, &lower_prims), (&upper, &upper_prims)]
-            .map(|(place, prims)| Cell { place, prims });
         let kept = self
             .chooser
-            .divide(part.kept, cell, &plane, parts, self.parallel);
-        let [lower, upper] = Part::both([lower, upper], kept, allowances);
-        Ok((plane, [(lower, lower_prims), (upper, upper_prims)]))
+            .divide(part.kept, whole, plane, cells, self.parallel);
+        let parts = Part::both(divided.places, kept, part.allowance.divide(divided.counted));
+        (divided, parts)
     }
 
-    /// Builds the subtree of a cell whose primitives are the pending ones from `first` on, and takes them away.
-    fn grow_small(
-        &self,
-        mut part: Part<C::Kept>,
-        first: usize,
-        worker: &mut Worker,
-    ) -> Result<Built, BuildError> {
+    /// The plane to divide a cell by; `None` if it should be a leaf.
+    fn plane(&self, prims: &[Prim], part: &mut Part<C::Kept>) -> Option<Plane> {
+        let plane = self.best_plane(prims, part)?;
+        part.allowance.covers(prims, &plane).then_some(plane)
+    }
+
+    /// The plane to divide a cell by, were there references enough.
+    fn best_plane(&self, prims: &[Prim], part: &mut Part<C::Kept>) -> Option<Plane> {
         let place = part.place;
-        let prims = &worker.pending[first..];
-        let count = prims.len();
         let cell = Cell {
             place: &place,
             prims,
         };
-        let divided = self.plane(cell, &mut part).and_then(|plane| {
-            let counted = Counted::of(prims, &plane);
-            let allowances = part.allowance.divide(counted)?;
-            Some((plane, counted, allowances))
-        });
-        let Some((plane, counted, allowances)) = divided else {
-            let built = self.leaf(prims, &part.allowance, &mut worker.output);
-            worker.pending.truncate(first);
-            return built;
-        };
-        let (pending, scratch) = (&mut worker.pending, &mut worker.scratch);
-        let (places, middle) = self
-            .division(&place, &plane)
-            .in_place(pending, first, counted, scratch);
-        let cell = Cell {
-            place: &place,
-            prims: scratch,
-        };
-        let lists = [&pending[middle..], &pending[first..middle]];
-        let parts = [0, 1].map(|side: usize| Cell {
-            place: &places[side],
-            prims: lists[side],
-        });
-        let kept = self
-            .chooser
-            .divide(part.kept, cell, &plane, parts, self.parallel);
-        let interior = Interior::begin(&place, &places, &mut worker.output);
-        let [lower, upper] = Part::both(places, kept, allowances);
-        let lower = self.grow_small(lower, middle, worker)?;
-        let children = [lower, self.grow_small(upper, first, worker)?];
-        self.finish(&interior, &plane, count, &children, &mut worker.output)
-    }
-
-    /// The plane to divide a cell by; `None` if it should be a leaf.
-    fn plane(&self, cell: Cell<'_>, part: &mut Part<C::Kept>) -> Option<Plane> {
-        let (count, place) = (cell.prims.len(), cell.place);
+        let count = prims.len();
         let small_leaf = self.options.small_leaf as usize;
         if count == 0 || count <= small_leaf || place.depth >= self.max_depth {
             return None;
@@ -321,28 +314,28 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         }
     }
 
-    /// Builds the subtrees of both parts of a large cell, possibly at the same time.
+    /// Builds the subtrees of both parts of a cell, possibly at the same time.
     fn grow_both(
         &self,
-        lower: Large<C::Kept>,
-        upper: Large<C::Kept>,
+        (lower, below): (Part<C::Kept>, Room<'_>),
+        (upper, above): (Part<C::Kept>, Room<'_>),
         worker: &mut Worker,
     ) -> Result<[Built; 2], BuildError> {
         // Locked by the lower part until it is finished. If no other thread has taken the upper part by then, it goes
         // straight behind the lower one; only what is built at the same time has to be moved there.
         let shared = Mutex::new(std::mem::take(worker));
-        let grow_here = |(part, prims)| {
+        let grow_here = |part, room: Room<'_>| {
             let mut worker = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            self.grow_large(part, prims, &mut worker)
+            self.grow(part, room.prims, room.free, &mut worker)
         };
         let (lower, upper) = tasks::join(
-            || grow_here(lower),
+            || grow_here(lower, below),
             |taken| {
                 if !taken {
-                    return Ok::<_, BuildError>((grow_here(upper)?, None));
+                    return Ok::<_, BuildError>((grow_here(upper, above)?, None));
                 }
                 let mut beside = Worker::default();
-                let built = self.grow_large(upper.0, upper.1, &mut beside)?;
+                let built = self.grow(upper, above.prims, above.free, &mut beside)?;
                 Ok((built, Some(beside.output)))
             },
         );
@@ -400,31 +393,37 @@ impl<K> Part<K> {
 }
 
 impl Allowance {
-    /// What both parts inherit; `None`, of which it takes note, if there are not even references enough for what they
-    /// hold.
-    fn divide(&mut self, counted: Counted) -> Option<[Self; 2]> {
-        let counts = [counted.lower, counted.upper];
-        let Some(refs) = share_refs(self.refs, counts) else {
-            self.is_limited = true;
-            return None;
+    /// Whether there are references enough for what both parts would hold; takes note if not.
+    fn covers(&mut self, prims: &[Prim], plane: &Plane) -> bool {
+        let is_enough = |needed: usize| needed as u64 <= self.refs;
+        let covers = is_enough(2 * prims.len()) || {
+            let counted = Counted::of(prims, plane);
+            is_enough(counted.lower + counted.upper)
         };
+        self.is_limited |= !covers;
+        covers
+    }
+
+    /// What both parts inherit, if it covers them.
+    fn divide(&self, counted: Counted) -> [Self; 2] {
+        let counts = [counted.lower, counted.upper];
+        let refs = share_refs(self.refs, counts);
         let shares = self.share.divide(counts);
-        Some([0, 1].map(|side: usize| Self {
+        [0, 1].map(|side: usize| Self {
             refs: refs[side],
             share: shares[side],
             ..*self
-        }))
+        })
     }
 }
 
-/// Divides an allowance of references between two cells in proportion to what they hold; `None` if it does not even
-/// cover that.
-fn share_refs(allowance: u64, [lower, upper]: [usize; 2]) -> Option<[u64; 2]> {
+/// Divides an allowance of references between two cells in proportion to what they hold, and at least that.
+fn share_refs(allowance: u64, [lower, upper]: [usize; 2]) -> [u64; 2] {
     let (lower, upper) = (lower as u64, upper as u64);
-    let spare = allowance.checked_sub(lower + upper)?;
+    let spare = allowance - (lower + upper);
     let spare_lower = u128::from(spare) * u128::from(lower) / u128::from((lower + upper).max(1));
     let spare_lower = u64::try_from(spare_lower).expect("no more than the spare itself");
-    Some([lower + spare_lower, upper + spare - spare_lower])
+    [lower + spare_lower, upper + spare - spare_lower]
 }
 
 #[cfg(test)]
@@ -433,13 +432,12 @@ mod tests {
 
     #[test]
     fn shares_add_up_and_cover_what_is_there() {
-        assert_eq!(share_refs(10, [3, 3]), Some([5, 5]), "even");
-        assert_eq!(share_refs(10, [0, 4]), Some([0, 10]), "all to one");
-        assert_eq!(share_refs(10, [1, 8]), Some([1, 9]), "the odd one goes up");
-        assert_eq!(share_refs(6, [3, 4]), None, "not enough");
+        assert_eq!(share_refs(10, [3, 3]), [5, 5], "even");
+        assert_eq!(share_refs(10, [0, 4]), [0, 10], "all to one");
+        assert_eq!(share_refs(10, [1, 8]), [1, 9], "the odd one goes up");
         assert_eq!(
             share_refs(u64::MAX, [1, 1]),
-            Some([u64::MAX / 2, u64::MAX / 2 + 1]),
+            [u64::MAX / 2, u64::MAX / 2 + 1],
             "no overflow"
         );
     }

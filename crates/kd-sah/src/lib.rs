@@ -164,7 +164,7 @@ fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<(Place, Vec<Pri
     if primitives as usize > MAX_TRIANGLES {
         return Err(BuildError::TooManyPrimitives { primitives });
     }
-    let mut prims = vec![Prim::NONE; primitives as usize];
+    let mut prims = Prim::room_for(primitives as usize);
     let chunks = (0..primitives).step_by(CHUNK).zip(prims.chunks_mut(CHUNK));
     let around = tasks::map(chunks.collect(), parallel, |(first, chunk)| {
         let mut around = Around::NOTHING;
@@ -180,7 +180,7 @@ fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<(Place, Vec<Pri
     });
     let mut all = Around::NOTHING;
     for around in around {
-        all.join(&around?);
+        all = all.and(&around?);
     }
     let place = Place {
         bounds: all.bounds(),

@@ -1,5 +1,6 @@
 //! A primitive as builders move it around: 32 bytes, two vectors.
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 use kd_core::{Aabb, Axis};
 
@@ -7,7 +8,7 @@ use kd_core::{Aabb, Axis};
 ///
 /// The fourth component of `low` carries the number, so that one primitive is two aligned vectors and never straddles
 /// a cache line. The fourth component of `high` is not used.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub(crate) struct Prim {
     low: [f32; 4],
@@ -25,6 +26,11 @@ impl Prim {
         low: [0.0; 4],
         high: [0.0; 4],
     };
+
+    /// Memory for so many.
+    pub(crate) fn room_for(count: usize) -> Vec<Self> {
+        bytemuck::zeroed_vec(count)
+    }
 
     pub(crate) fn new(slot: u32, bounds: &Aabb) -> Self {
         let number = f32::from_bits(slot | NOT_DENORMAL);
@@ -50,6 +56,12 @@ impl Prim {
     #[inline]
     pub(crate) fn end(&self, axis: Axis) -> f32 {
         self.high[axis.index()]
+    }
+
+    /// Starts along all axes and something else, then ends and something else.
+    #[inline]
+    pub(crate) fn ends(&self) -> &[f32; 8] {
+        bytemuck::cast_ref(self)
     }
 
     /// The box around the part.
@@ -87,24 +99,18 @@ impl Around {
         high: Vec4::NEG_INFINITY,
     };
 
-    pub(crate) fn all(prims: &[Prim]) -> Self {
-        let mut around = Self::NOTHING;
-        for prim in prims {
-            around.add(prim);
-        }
-        around
-    }
-
     #[inline]
     pub(crate) fn add(&mut self, prim: &Prim) {
         self.low = self.low.min(prim.low());
         self.high = self.high.max(prim.high());
     }
 
-    #[inline]
-    pub(crate) fn join(&mut self, other: &Self) {
-        self.low = self.low.min(other.low);
-        self.high = self.high.max(other.high);
+    /// The box around both.
+    pub(crate) fn and(&self, other: &Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+        }
     }
 
     /// [`Aabb::EMPTY`] if nothing was added.

@@ -235,6 +235,8 @@ struct Lattice {
 }
 
 impl PrimSource for Lattice {
+    type Shape = Aabb;
+
     fn count(&self) -> u32 {
         self.count
     }
@@ -245,8 +247,12 @@ impl PrimSource for Lattice {
         Aabb::around([corner.into(), corner.map(|x| x + 0.75).into()])
     }
 
-    fn clipped_bounds(&self, primitive: u32, cell: &Aabb) -> Option<Aabb> {
-        let part = self.bounds(primitive).intersection(cell);
+    fn shape(&self, primitive: u32) -> Aabb {
+        self.bounds(primitive)
+    }
+
+    fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
+        let part = shape.intersection(cell);
         (!part.is_empty()).then_some(part)
     }
 }
@@ -289,6 +295,8 @@ fn too_many_primitives_are_refused_before_anything_is_allocated() {
 struct Boxes(Vec<Aabb>);
 
 impl PrimSource for Boxes {
+    type Shape = Aabb;
+
     fn count(&self) -> u32 {
         u32::try_from(self.0.len()).expect("few")
     }
@@ -297,8 +305,12 @@ impl PrimSource for Boxes {
         self.0[primitive as usize]
     }
 
-    fn clipped_bounds(&self, primitive: u32, cell: &Aabb) -> Option<Aabb> {
-        let part = self.bounds(primitive).intersection(cell);
+    fn shape(&self, primitive: u32) -> Aabb {
+        self.bounds(primitive)
+    }
+
+    fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
+        let part = shape.intersection(cell);
         (!part.is_empty()).then_some(part)
     }
 }

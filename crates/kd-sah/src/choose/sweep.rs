@@ -18,6 +18,8 @@ impl ChoosePlane for Sweep {
     /// Sorted events of the cell, per axis.
     type Kept = [Vec<Event>; 3];
 
+    const LOOKS_BACK: bool = true;
+
     fn begin(&self, root: Cell<'_>) -> Self::Kept {
         Axis::ALL.map(|axis| {
             let mut events = events_of(root.prims, axis);
