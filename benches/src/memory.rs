@@ -175,9 +175,9 @@ mod tests {
                 scope.spawn(hold);
             });
         });
-        // Other tests run meanwhile, and need little.
+        // Other tests run meanwhile, and need or give back a little.
         assert!(
-            (2 * EACH..3 * EACH).contains(&peak),
+            (2 * EACH - EACH / 8..3 * EACH).contains(&peak),
             "two at a time: {peak}"
         );
     }

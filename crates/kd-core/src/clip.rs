@@ -349,6 +349,18 @@ mod tests {
             }
         }
 
+        /// The short way for triangles that nothing else cuts gives what the long way does; corners in the plane included.
+        #[test]
+        fn whole_triangles_are_cut_alike(corners: [[i8; 3]; 3], axis in 0_usize..3, at: i8, scale in 1e-3_f32..1e3) {
+            let corners = corners.map(|corner| scale * Vec3::from_array(corner.map(f32::from)));
+            let (axis, position) = (Axis::ALL[axis], scale * f32::from(at));
+            let along = corners.map(|corner| corner[axis.index()]);
+            prop_assume!(along.iter().any(|&x| x < position) && along.iter().any(|&x| x > position));
+            let cell = Aabb::around(corners);
+            let short = halves_of_whole(corners, &cell, axis.index(), position);
+            prop_assert_eq!(short.map(Some), halves_of_part(corners, &cell, axis, position));
+        }
+
         /// Points of the triangle inside the cell are inside the clipped box, up to the rounding of the point itself.
         #[test]
         fn nothing_inside_is_lost(a in point(4.0), b in point(4.0), c in point(4.0), u in 0.0_f64..1.0, v in 0.0_f64..1.0) {

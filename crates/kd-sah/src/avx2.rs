@@ -1,5 +1,9 @@
-//! All code for AVX2, and all `unsafe` code of the crate: counting for [`small`](crate::small) and looking at positions
-//! for [`collect`](crate::collect). Each has a portable twin there, which its tests hold it against.
+//! All code for AVX2, and all `unsafe` code of the crate: counting for [`small`](crate::small) and [`bins`], looking at
+//! positions for [`collect`](crate::collect), costs of bins for [`promising`](crate::promising) and dividing for
+//! [`cell`](crate::cell). Each has a portable twin there, which the tests there hold it against.
+//!
+//! Twice each is one body, compiled for whatever the target has and here for AVX2. Where that alone does not make vector
+//! instructions of it, a trait with two implementations stands for the innermost step.
 #![allow(
     unsafe_code,
     reason = "code for an extension of the processor may only be called where the processor has it"
@@ -12,13 +16,14 @@ use std::arch::x86_64::{
     _mm256_sub_epi32, _mm256_sub_ps,
 };
 
-use kd_core::PrimSource;
+use kd_core::{Axis, PrimSource};
 
-use crate::bins::{self, AxisGrid, EightGrids, FindBins};
+use crate::bins::{self, AxisGrid, Edges, EightGrids, FindBins};
 use crate::cell::{Block, Compare, Division, Filled};
-use crate::collect::{Collected, Look, Search};
+use crate::collect::{Look, Places, Search};
 use crate::plane::{CellCost, Plane};
 use crate::prim::Prim;
+use crate::promising::Group;
 use crate::small::{Count, best_plane_by};
 
 /// Proof that the processor has AVX2: only [`detect`](Self::detect) makes one.
@@ -47,7 +52,7 @@ impl Avx2 {
         search: &Search<'_>,
         prims: &[Prim],
         step: usize,
-        into: &mut Collected,
+        into: &mut Places<'_>,
     ) {
         #[target_feature(enable = "avx2")]
         fn with_avx2(
@@ -55,7 +60,7 @@ impl Avx2 {
             search: &Search<'_>,
             prims: &[Prim],
             step: usize,
-            into: &mut Collected,
+            into: &mut Places<'_>,
         ) {
             search.collect_by(proof, prims, step, into);
         }
@@ -65,18 +70,45 @@ impl Avx2 {
 }
 
 impl Avx2 {
-    /// [`bins::Search::count_by`] compiled for AVX2.
-    pub(crate) fn count<const ROOM: usize>(self, search: &bins::Search<'_>, counts: &mut [u32]) {
+    /// [`bins::Counting::count_by`] compiled for AVX2.
+    pub(crate) fn count<const ROOM: usize>(
+        self,
+        counting: &bins::Counting<'_>,
+        counts: &mut [u32],
+    ) {
         #[target_feature(enable = "avx2")]
         fn with_avx2<const ROOM: usize>(
             proof: Avx2,
-            search: &bins::Search<'_>,
+            counting: &bins::Counting<'_>,
             counts: &mut [u32],
         ) {
-            search.count_by::<ROOM>(proof, counts);
+            counting.count_by::<ROOM>(proof, counts);
         }
         // SAFETY: `self` proves that the processor has AVX2.
-        unsafe { with_avx2::<ROOM>(self, search, counts) }
+        unsafe { with_avx2::<ROOM>(self, counting, counts) }
+    }
+
+    /// [`Group::costs_here`] compiled for AVX2.
+    pub(crate) fn costs(
+        self,
+        group: &Group,
+        cost: &CellCost,
+        axis: Axis,
+        edges: &Edges,
+        step: u32,
+    ) -> ([f32; 8], [f32; 8]) {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2(
+            group: &Group,
+            cost: &CellCost,
+            axis: Axis,
+            edges: &Edges,
+            step: u32,
+        ) -> ([f32; 8], [f32; 8]) {
+            group.costs_here(cost, axis, edges, step)
+        }
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { with_avx2(group, cost, axis, edges, step) }
     }
 
     /// [`Division::divide_by`] compiled for AVX2.

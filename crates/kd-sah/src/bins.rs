@@ -116,21 +116,24 @@ pub(crate) struct Edges {
 impl Edges {
     /// The lower face of a bin, up to rounding.
     #[inline]
-    fn at(&self, bin: usize) -> f32 {
-        self.first + bin as f32 * self.step
+    fn at(&self, bin: u32) -> f32 {
+        // Signed, which is one instruction.
+        self.first + bin.cast_signed() as f32 * self.step
     }
 
     /// An interval that no position in the bin lies outside of: faces are a few units in the last place of the box
     /// off, 2⁻²² of it, and fractions by no more.
     #[inline]
-    pub(crate) fn around(&self, bin: usize) -> (f32, f32) {
+    pub(crate) fn around(&self, bin: u32) -> (f32, f32) {
         let (start, end) = (self.at(bin) - MARGIN, self.at(bin + 1) + MARGIN);
-        (start.max(0.0), end.min(1.0))
+        let start = if start > 0.0 { start } else { 0.0 };
+        let end = if end < 1.0 { end } else { 1.0 };
+        (start, end)
     }
 
     /// An interval around the lower face of a bin that the true face lies in.
     #[inline]
-    pub(crate) fn near(&self, bin: usize) -> (f32, f32) {
+    pub(crate) fn near(&self, bin: u32) -> (f32, f32) {
         let face = self.at(bin);
         (face - MARGIN, face + MARGIN)
     }
@@ -168,16 +171,16 @@ impl Bins {
             axes,
             counts: vec![0; 2 * axes.len() * room],
         };
-        let search = Search {
+        let counting = Counting {
             prims,
             step,
             axes,
             grid,
         };
         if room == FEW_BINS {
-            search.count::<FEW_BINS>(&mut bins.counts);
+            counting.count::<FEW_BINS>(&mut bins.counts);
         } else {
-            search.count::<MOST_BINS>(&mut bins.counts);
+            counting.count::<MOST_BINS>(&mut bins.counts);
         }
         bins
     }
@@ -194,32 +197,16 @@ impl Bins {
         sum
     }
 
-    /// How many primitives start and end in each bin of an axis.
-    #[inline]
-    pub(crate) fn along(
-        &self,
-        axis: Axis,
-    ) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
-        let (starts, ends) = self.of_axis(axis);
-        let counts = starts.iter().zip(ends);
-        counts.map(|(&starts, &ends)| (starts as usize, ends as usize))
-    }
-
     /// How many primitives start in a bin, and how many end there.
     #[inline]
     pub(crate) fn at(&self, axis: Axis, bin: usize) -> (usize, usize) {
-        let (starts, ends) = self.of_axis(axis);
+        let (starts, ends) = self.along(axis);
         (starts[bin] as usize, ends[bin] as usize)
     }
 
-    /// How many primitives were counted, along an axis that was: each starts once.
-    pub(crate) fn counted(&self, axis: Axis) -> usize {
-        self.along(axis).map(|(starts, _)| starts).sum()
-    }
-
-    /// The starts and the ends along an axis that was counted.
+    /// How many primitives start, and how many end, in each bin of an axis that was counted.
     #[inline]
-    fn of_axis(&self, axis: Axis) -> (&[u32], &[u32]) {
+    pub(crate) fn along(&self, axis: Axis) -> (&[u32], &[u32]) {
         let axis = if self.axes.len() == 1 {
             0
         } else {
@@ -247,7 +234,7 @@ pub(crate) fn count(
 }
 
 /// What is to be counted.
-pub(crate) struct Search<'a> {
+pub(crate) struct Counting<'a> {
     prims: &'a [Prim],
     step: usize,
     axes: &'static [Axis],
@@ -286,7 +273,7 @@ pub(crate) struct EightGrids {
     pub(crate) last: f32,
 }
 
-impl Search<'_> {
+impl Counting<'_> {
     /// Counts in tables of `ROOM` bins.
     fn count<const ROOM: usize>(&self, counts: &mut [u32]) {
         #[cfg(target_arch = "x86_64")]
@@ -375,5 +362,54 @@ fn count_four<const ROOM: usize, const NUMBER: usize>(
     for lane in 0..NUMBER {
         starts[usize::from(bins[lane]) % ROOM] += 1;
         ends[usize::from(bins[4 + lane]) % ROOM] += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::Aabb;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// What the processor has, and what every target has, against asking for the bin of each end.
+        #[test]
+        fn all_ways_count_the_same(
+            boxes in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], 0_i8..4), 1..40),
+            step in 1_usize..4,
+            bins in prop::sample::select(vec![2_usize, 7, 32, 33, 256]),
+        ) {
+            let prims: Vec<Prim> = (0_u32..)
+                .zip(&boxes)
+                .map(|(slot, (min, size))| {
+                    let min = Vec3::from_array(min.map(f32::from));
+                    Prim::new(slot, &Aabb { min, max: min + 0.7 * f32::from(*size) })
+                })
+                .collect();
+            let bounds = prims.iter().fold(Aabb::EMPTY, |all, prim| all.union(&prim.bounds()));
+            let grid = Grid::new(&bounds, bins);
+            for axes in [&Axis::ALL[..], &Axis::ALL[1..2]] {
+                let counted = Bins::of(&prims, axes, &grid, step);
+                let mut portable = Bins { counts: vec![0; counted.counts.len()], ..counted.clone() };
+                let counting = Counting { prims: &prims, step, axes, grid: &grid };
+                if bins <= FEW_BINS {
+                    counting.count_by::<FEW_BINS>(Portable, &mut portable.counts);
+                } else {
+                    counting.count_by::<MOST_BINS>(Portable, &mut portable.counts);
+                }
+                prop_assert_eq!(&counted.counts, &portable.counts);
+                for &axis in axes {
+                    let along = grid.along(axis);
+                    let (mut starts, mut ends) = (vec![0; bins], vec![0; bins]);
+                    for prim in prims.iter().step_by(step) {
+                        starts[usize::from(along.bin(prim.start(axis)))] += 1;
+                        ends[usize::from(along.bin(prim.end(axis)))] += 1;
+                    }
+                    prop_assert_eq!(counted.along(axis), (&starts[..], &ends[..]));
+                }
+            }
+        }
     }
 }

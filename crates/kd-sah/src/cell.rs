@@ -536,3 +536,102 @@ fn close_gaps(prims: &mut [Prim], chunks: impl Iterator<Item = (usize, usize)>) 
         from += counted;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use kd_core::{Axis, Mesh};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Small triangles, some of them flat, in a cube of 6.
+    fn soup() -> impl Strategy<Value = Mesh> {
+        let corner = || [0_u8..6, 0_u8..6, 0_u8..6].prop_map(|at| at.map(f32::from));
+        prop::collection::vec([corner(), corner(), corner()], 1..150).prop_map(|soup| {
+            let corners = soup.as_flattened().to_vec();
+            let triangles = (0_u32..).step_by(3).map(|i| [i, i + 1, i + 2]);
+            Mesh::new(corners, triangles.take(soup.len()).collect()).expect("finite")
+        })
+    }
+
+    /// The lists of both parts, one primitive after the other.
+    fn divided_slowly(division: &Division<'_, Mesh>, cell: &[Prim]) -> [Vec<Prim>; 2] {
+        let [mut lower, mut upper] = [const { Vec::new() }; 2];
+        for prim in cell {
+            match Lies::of(prim, division.plane) {
+                Lies::Below => lower.push(*prim),
+                Lies::Above => upper.push(*prim),
+                Lies::Across => {
+                    let shape = division.source.shape(prim.slot());
+                    let [below, above] = division.cut(prim, &shape);
+                    lower.extend(below);
+                    upper.extend(above);
+                }
+            }
+        }
+        [lower, upper]
+    }
+
+    fn tight(prims: &[Prim]) -> Aabb {
+        let all = prims.iter().map(Prim::bounds);
+        all.fold(Aabb::EMPTY, |all, one| all.union(&one))
+    }
+
+    proptest! {
+        /// In place, in chunks, and by what every target has, against one primitive after the other; twice in a row, so
+        /// that the second time there are parts of triangles.
+        #[test]
+        fn all_ways_divide_the_same(
+            mesh in soup(),
+            axes in [0_usize..3, 0_usize..3],
+            positions in [1_u8..12, 1_u8..12],
+            planar_lower: bool,
+        ) {
+            let mut prims: Vec<Prim> = (0..mesh.count()).map(|slot| Prim::new(slot, &PrimSource::bounds(&mesh, slot))).collect();
+            let mut place = Place { bounds: mesh.bounds(), tight: mesh.bounds(), depth: 0 };
+            for (axis, position) in axes.into_iter().zip(positions) {
+                let plane = Plane {
+                    axis: Axis::ALL[axis],
+                    position: 0.5 * f32::from(position),
+                    planar_side: if planar_lower { Side::Lower } else { Side::Upper },
+                    cost: 0.0,
+                };
+                if !(place.bounds.min[axis] < plane.position && plane.position < place.bounds.max[axis]) {
+                    continue;
+                }
+                let division = Division { source: &mesh, place: &place, plane: &plane };
+                let slowly = divided_slowly(&division, &prims);
+
+                let mut free = Prim::room_for(2 * prims.len());
+                let counts = ChunkCounts::of(&prims, &plane);
+                prop_assert!(counts.total() >= slowly[0].len() + slowly[1].len());
+                let divided = division.in_chunks(&prims, &mut free, &counts);
+                let rooms = divided.both(&mut prims, &mut free);
+                for (side, room) in rooms.iter().enumerate() {
+                    prop_assert_eq!(&*room.prims, &slowly[side][..], "in chunks");
+                    prop_assert_eq!(divided.places[side].tight, tight(&slowly[side]));
+                }
+
+                let [mut lower, mut upper] = [0, 1].map(|_| Prim::room_for(prims.len()));
+                let mut filled = Filled::NOTHING;
+                let mut block = Block::default();
+                for chunk in prims.chunks(BLOCK) {
+                    block.copy_from(chunk);
+                    division.divide_by(Portable, &block, [&mut lower, &mut upper], &mut filled);
+                }
+                prop_assert_eq!(&lower[..filled.counted.lower], &slowly[0][..], "on every target");
+                prop_assert_eq!(&upper[..filled.counted.upper], &slowly[1][..], "on every target");
+
+                let mut free = Prim::room_for(division.moving(&prims));
+                let divided = division.in_place(&mut prims, &mut free, &mut block);
+                let rooms = divided.both(&mut prims, &mut free).map(|room| room.prims.to_vec());
+                prop_assert_eq!(&rooms, &slowly, "in place");
+                for (side, part) in [Side::Lower, Side::Upper].into_iter().zip(&slowly) {
+                    prop_assert_eq!(&*divided.one(side, &mut prims, &mut free).prims, &part[..]);
+                }
+                place = divided.places[0];
+                [prims, _] = rooms;
+            }
+        }
+    }
+}

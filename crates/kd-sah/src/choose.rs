@@ -20,7 +20,7 @@ use sampled::Sampled;
 use sweep::Sweep;
 
 use crate::cell::Cell;
-use crate::options::Method;
+use crate::options::{BuildOptions, Method};
 use crate::plane::{CellCost, Plane};
 
 /// A way to choose planes. The driver does everything else: when to stop, dividing cells, making nodes, tasks.
@@ -93,10 +93,13 @@ pub(crate) trait WithChooser {
     fn with(self, chooser: &impl ChoosePlane) -> Self::Outcome;
 }
 
-/// Does `work` with the chooser of a method.
-pub(crate) fn with_chooser_of<W: WithChooser>(method: Method, work: W) -> W::Outcome {
-    let binned = |bins: u16| Binned { bins: bins.into() };
-    match method {
+/// Does `work` with the chooser that the options ask for.
+pub(crate) fn with_chooser_of<W: WithChooser>(options: &BuildOptions, work: W) -> W::Outcome {
+    let binned = |bins: u16| Binned {
+        bins: bins.into(),
+        adjust_below: options.plane_adjustment,
+    };
+    match options.method {
         Method::Median => work.with(&Median),
         Method::Naive => work.with(&Naive),
         Method::Resort => work.with(&Resort),

@@ -83,6 +83,10 @@ impl Collected {
             events: vec![Event::NONE; total],
             ranges,
         };
+        let mut places = Places {
+            events: &mut collected.events,
+            ranges: &mut collected.ranges,
+        };
         for axis in Axis::ALL {
             let along = &wanted.axes[axis.index()];
             if along.first <= along.last {
@@ -93,7 +97,7 @@ impl Collected {
                     along,
                     unwanted: wanted.count,
                 };
-                search.collect(prims, step, &mut collected);
+                search.collect(prims, step, &mut places);
             }
         }
         collected
@@ -103,6 +107,12 @@ impl Collected {
     pub(crate) fn in_bin(&self, number: usize) -> &[Event] {
         &self.events[self.ranges[number].clone()]
     }
+}
+
+/// Where the events of each bin go: behind those that are there.
+pub(crate) struct Places<'a> {
+    events: &'a mut [Event],
+    ranges: &'a mut [Range<usize>],
 }
 
 /// A search along one axis.
@@ -136,7 +146,7 @@ impl Look for Portable {
 }
 
 impl Search<'_> {
-    fn collect(&self, prims: &[Prim], step: usize, into: &mut Collected) {
+    fn collect(&self, prims: &[Prim], step: usize, into: &mut Places<'_>) {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = crate::avx2::Avx2::detect() {
             return avx2.collect(self, prims, step, into);
@@ -150,7 +160,7 @@ impl Search<'_> {
         look: impl Look,
         prims: &[Prim],
         step: usize,
-        into: &mut Collected,
+        into: &mut Places<'_>,
     ) {
         let bins = (
             AxisGrid::as_rounded(self.along.first),
@@ -183,7 +193,7 @@ impl Search<'_> {
         look: impl Look,
         bins: (f32, f32),
         group: [&Prim; LANES],
-        into: &mut Collected,
+        into: &mut Places<'_>,
     ) {
         // Made of values, not read from a list that was just written: that would wait for the writes.
         let starts = group.map(|prim| prim.start(self.axis));
@@ -197,7 +207,7 @@ impl Search<'_> {
     }
 
     #[inline(always)]
-    fn put_start(&self, prim: &Prim, into: &mut Collected) {
+    fn put_start(&self, prim: &Prim, into: &mut Places<'_>) {
         let (start, end) = (prim.start(self.axis), prim.end(self.axis));
         let event = if start == end {
             Event::planar(start)
@@ -209,7 +219,7 @@ impl Search<'_> {
 
     /// Planar primitives are told by their start.
     #[inline(always)]
-    fn put_end(&self, prim: &Prim, into: &mut Collected) {
+    fn put_end(&self, prim: &Prim, into: &mut Places<'_>) {
         let (start, end) = (prim.start(self.axis), prim.end(self.axis));
         if start != end {
             self.put(end, Event::end(end), into);
@@ -218,7 +228,7 @@ impl Search<'_> {
 
     /// Without a branch on whether its bin is wanted.
     #[inline(always)]
-    fn put(&self, position: f32, event: Event, into: &mut Collected) {
+    fn put(&self, position: f32, event: Event, into: &mut Places<'_>) {
         let bin = self.grid.bin(position);
         let number = usize::from(self.along.numbers[usize::from(bin)]);
         let range = &mut into.ranges[number];

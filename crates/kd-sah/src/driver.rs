@@ -8,7 +8,7 @@ use crate::cell::{Block, Cell, ChunkCounts, Counted, Divided, Division, Place, R
 use crate::choose::{ChoosePlane, Median, Memoryless as _};
 use crate::options::{BuildError, BuildOptions};
 use crate::output::{Built, Interior, Output};
-use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, offer_empty_cuts};
+use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, as_count, offer_empty_cuts};
 use crate::prim::Prim;
 use crate::progress::{Share, Watched};
 use crate::tasks::{self, CHUNK};
@@ -290,8 +290,8 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         if place.depth < self.options.median_levels {
             return Median.plane(cell, &cost, self.parallel);
         }
-        let leaf_cost = self.leaf_cost.of(count);
-        if self.leaf_cost.is_settled(count) {
+        let leaf_cost = self.leaf_cost.of(as_count(count));
+        if self.leaf_cost.is_settled(as_count(count)) {
             let mut best = BestPlane::new(&cost);
             offer_empty_cuts(&mut best, &place.tight, count);
             return best.found().filter(|plane| plane.cost < leaf_cost);

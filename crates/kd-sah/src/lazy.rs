@@ -94,9 +94,9 @@ impl<L> LazyNode<L> {
         mut start: Start,
         finish: impl FnOnce(Tree) -> L,
     ) -> Opened<L> {
-        let method = task.options.method;
+        let options = task.options;
         if start.prims.len() > AT_ONCE {
-            match with_chooser_of(method, Divide { task, start }) {
+            match with_chooser_of(options, Divide { task, start }) {
                 Ok((plane, parts)) => {
                     return Opened::Interior {
                         axis: plane.axis,
@@ -116,7 +116,7 @@ impl<L> LazyNode<L> {
         let bounds = start.place.bounds;
         let slots = task.source.count();
         let cost = task.options.cost;
-        let output = with_chooser_of(method, Build { task, start })
+        let output = with_chooser_of(options, Build { task, start })
             .expect("nobody cancels, and what fits a cell fits a tree");
         let tree = Tree::from_parts(output.pairs, output.refs, bounds, slots, cost)
             .expect("builders make valid trees")

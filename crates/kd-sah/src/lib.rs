@@ -76,8 +76,8 @@ use tasks::CHUNK;
 /// Builds a tree over `source`.
 ///
 /// Time and memory are those of the [`Method`]. [`Method::Exact`] takes about O(N log N) time, and 32 bytes per
-/// primitive or part of one in cells that wait for their turn on the path being worked on, twice that in the cell
-/// being divided; the bench records the peak, tree included, as `peak_build_bytes`.
+/// primitive or part of one twice over: cells that wait for their turn on the path being worked on, and as much again
+/// to divide them into; the bench records the peak, tree included, as `peak_build_bytes`.
 ///
 /// # Errors
 ///
@@ -131,7 +131,7 @@ fn build_watched_by<S: PrimSource>(
             watched,
         };
         let start = Start::root(place, prims, options);
-        let output = with_chooser_of(options.method, Build { task, start })?;
+        let output = with_chooser_of(options, Build { task, start })?;
         Ok::<_, BuildError>((output, place.bounds))
     })??;
     let tree = Tree::from_parts(

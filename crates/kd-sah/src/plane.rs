@@ -41,6 +41,16 @@ pub(crate) struct Counts {
     pub(crate) upper: usize,
 }
 
+/// How many primitives a cell holds, or an estimate of it, as the cost model takes it.
+#[inline]
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "a cell holds each primitive once, and primitives are numbered by 30 bits"
+)]
+pub(crate) fn as_count(primitives: usize) -> u32 {
+    primitives as u32
+}
+
 /// The cost model, prepared for asking it about every candidate.
 ///
 /// Costs of planes are f32, so that eight fit into a vector, and are computed by the same operations in the same order
@@ -73,14 +83,40 @@ impl LeafCost {
 
     /// Cost of a leaf.
     #[inline]
-    pub(crate) fn of(&self, count: usize) -> f32 {
-        let lanes = self.lanes as usize;
+    pub(crate) fn of(&self, count: u32) -> f32 {
         let blocks = match self.shift {
-            Some(shift) => (count + lanes - 1) >> shift,
-            None => count.div_ceil(lanes),
+            Some(shift) => (count + self.lanes - 1) >> shift,
+            None => count.div_ceil(self.lanes),
         };
         // Signed, which is one instruction; there are no more than fit.
         self.block * blocks.cast_signed() as f32
+    }
+
+    /// [`of`](Self::of) several counts, with no branch between them.
+    #[inline(always)]
+    pub(crate) fn of_lanes<const N: usize>(&self, counts: &[u32; N]) -> [f32; N] {
+        let mut costs = [0.0; N];
+        if let Some(shift) = self.shift {
+            for (cost, count) in costs.iter_mut().zip(counts) {
+                let blocks = (count + self.lanes - 1) >> shift;
+                *cost = self.block * blocks.cast_signed() as f32;
+            }
+        } else {
+            for (cost, count) in costs.iter_mut().zip(counts) {
+                *cost = self.of(*count);
+            }
+        }
+        costs
+    }
+
+    /// What the cost of a plane with so many primitives on its sides is multiplied by.
+    #[inline(always)]
+    pub(crate) fn bonus(&self, lower: u32, upper: u32) -> f32 {
+        if (lower == 0) | (upper == 0) {
+            self.empty_bonus
+        } else {
+            1.0
+        }
     }
 
     /// Whether no plane with primitives on both sides can make the cell cheaper than a leaf of `count`, however it is
@@ -89,7 +125,7 @@ impl LeafCost {
     /// (A ray that enters the cell enters at least one of its parts; a part that is not empty costs at least a block,
     /// or a node.)
     #[inline]
-    pub(crate) fn is_settled(&self, count: usize) -> bool {
+    pub(crate) fn is_settled(&self, count: u32) -> bool {
         self.of(count) <= self.traverse + self.block.min(self.traverse)
     }
 }
@@ -185,18 +221,14 @@ impl CellCost {
     pub(crate) fn of_parts(
         &self,
         axis: Axis,
-        (lower, lower_count): (f32, usize),
-        (upper, upper_count): (f32, usize),
+        (lower, lower_count): (f32, u32),
+        (upper, upper_count): (f32, u32),
     ) -> f32 {
         let AxisCost { face, slope, .. } = self.axes[axis.index()];
         let cost = self.leaf.traverse
             + (face + slope * lower) * self.leaf.of(lower_count)
             + (face + slope * upper) * self.leaf.of(upper_count);
-        if lower_count == 0 || upper_count == 0 {
-            cost * self.leaf.empty_bonus
-        } else {
-            cost
-        }
+        cost * self.leaf.bonus(lower_count, upper_count)
     }
 }
 
@@ -237,6 +269,7 @@ impl<'a> BestPlane<'a> {
             return;
         }
         let fraction = along.fraction(position);
+        let (lower, upper) = (as_count(lower), as_count(upper));
         let cost = self
             .cost
             .of_parts(axis, (fraction, lower), (1.0 - fraction, upper));
@@ -360,7 +393,7 @@ mod tests {
                 ..CostModel::CLASSIC
             };
             for count in [0, 1, 7, 8, 9, 300] {
-                let prepared = f64::from(LeafCost::new(&model).of(count));
+                let prepared = f64::from(LeafCost::new(&model).of(as_count(count)));
                 assert_eq!(prepared, model.leaf(count), "{count} in {lanes} lanes");
             }
         }

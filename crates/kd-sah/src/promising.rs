@@ -4,12 +4,13 @@
 //! above it, and cuts off at least as much of the cell as the bin's own faces, so it costs at least as much as such a
 //! plane would. On the other hand, between two neighbouring starts or ends the cost is linear, so that one of them
 //! costs no more than a plane anywhere between: the boundaries of bins, whose cost is known, tell what the best plane
-//! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins are collected, sorted and swept, most promising bin first, until no bin can hold anything better.
+//! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins are collected, sorted
+//! and swept, most promising bin first, until no bin can hold anything better.
 
 use kd_core::Axis;
 use smallvec::SmallVec;
 
-use crate::bins::{Bins, Grid};
+use crate::bins::{Bins, Edges, Grid};
 use crate::cell::Cell;
 use crate::collect::{Collected, Wanted};
 use crate::events::sweep;
@@ -30,18 +31,18 @@ pub(crate) struct Candidate {
 /// The first and the last bin, of those between the outer ones, where anything starts or ends; the first behind the
 /// last if there is none.
 fn occupied_between(bins: &Bins, axis: Axis) -> (usize, usize) {
-    let is_occupied = |(starts, ends): (usize, usize)| starts + ends > 0;
-    let last = bins.along(axis).len() - 1;
-    let mut inner = bins.along(axis).take(last).skip(1);
-    let first = inner.position(is_occupied).map_or(last, |at| at + 1);
-    let last = bins.along(axis).take(last).rposition(is_occupied);
-    (first, last.unwrap_or(0))
+    let (starts, ends) = bins.along(axis);
+    let outer = starts.len() - 1;
+    let is_occupied = |&bin: &usize| starts[bin] + ends[bin] > 0;
+    let first = (1..outer).find(is_occupied).unwrap_or(outer);
+    let last = (0..outer).rfind(is_occupied).unwrap_or(0);
+    (first, last)
 }
 
 /// The bins that may hold the best plane, most promising first, and the grid they are of.
 pub(crate) struct Promising<'a> {
     grid: &'a Grid,
-    step: usize,
+    step: u32,
     candidates: SmallVec<[Candidate; 64]>,
     boundary: Option<Boundary>,
 }
@@ -54,46 +55,133 @@ struct Boundary {
     counts: (usize, usize),
 }
 
+/// Bins looked at together.
+const LANES: usize = 8;
+
+/// Neighbouring bins.
+pub(crate) struct Group {
+    /// The first one.
+    from: usize,
+    /// Of each bin, primitives that start before it, those that do not end before it, and those of them that do not
+    /// end in it either.
+    lower: [u32; LANES],
+    upper: [u32; LANES],
+    beyond: [u32; LANES],
+}
+
+impl Group {
+    /// `before` are the primitives that start before the first bin, and those that do not end before it; then of the
+    /// bin behind the last.
+    fn new(from: usize, before: &mut (u32, u32), starts: &[u32], ends: &[u32]) -> Self {
+        let mut group = Self {
+            from,
+            lower: [0; LANES],
+            upper: [0; LANES],
+            beyond: [0; LANES],
+        };
+        let (lower, upper) = before;
+        for (lane, (starts, ends)) in starts.iter().zip(ends).enumerate() {
+            group.lower[lane] = *lower;
+            group.upper[lane] = *upper;
+            *lower += starts;
+            *upper -= ends;
+            group.beyond[lane] = *upper;
+        }
+        group
+    }
+
+    fn before(&self, lane: usize) -> (usize, usize) {
+        (self.lower[lane] as usize, self.upper[lane] as usize)
+    }
+
+    /// What planes where each bin starts cost, and no plane in the bin costs less than.
+    fn costs(
+        &self,
+        cost: &CellCost,
+        axis: Axis,
+        edges: &Edges,
+        step: u32,
+    ) -> ([f32; LANES], [f32; LANES]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = crate::avx2::Avx2::detect() {
+            return avx2.costs(self, cost, axis, edges, step);
+        }
+        self.costs_here(cost, axis, edges, step)
+    }
+
+    /// [`costs`](Self::costs), compiled for whatever calls it.
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation, reason = "at most MOST_BINS")]
+    pub(crate) fn costs_here(
+        &self,
+        cost: &CellCost,
+        axis: Axis,
+        edges: &Edges,
+        step: u32,
+    ) -> ([f32; LANES], [f32; LANES]) {
+        let lower = self.lower.map(|count| step * count);
+        let upper = self.upper.map(|count| step * count);
+        let beyond = self.beyond.map(|count| step * count);
+        let lower_cost = cost.leaf.of_lanes(&lower);
+        let upper_cost = cost.leaf.of_lanes(&upper);
+        let beyond_cost = cost.leaf.of_lanes(&beyond);
+        let along = cost.axes[axis.index()];
+        let (mut at_boundary, mut at_least) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            let (from, to) = edges.near(self.from as u32 + lane as u32);
+            let price = cost.leaf.traverse
+                + (along.face + along.slope * to) * lower_cost[lane]
+                + (along.face + along.slope * (1.0 - from)) * upper_cost[lane];
+            at_boundary[lane] = price * cost.leaf.bonus(lower[lane], upper[lane]);
+        }
+        for lane in 0..LANES {
+            let (from, to) = edges.around(self.from as u32 + lane as u32);
+            let price = cost.leaf.traverse
+                + (along.face + along.slope * from) * lower_cost[lane]
+                + (along.face + along.slope * (1.0 - to)) * beyond_cost[lane];
+            at_least[lane] = price * cost.leaf.bonus(lower[lane], beyond[lane]);
+        }
+        (at_boundary, at_least)
+    }
+}
+
 /// What is computed of a cost that is linear is so up to rounding.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 18) as f32;
 
 impl<'a> Promising<'a> {
     /// `bins` hold every `step`th primitive.
-    pub(crate) fn of(bins: &Bins, step: usize, grid: &'a Grid, cost: &CellCost) -> Self {
-        let of_parts = |axis, below: (f32, usize), above: (f32, usize)| {
-            cost.of_parts(axis, (below.0, step * below.1), (above.0, step * above.1))
-        };
+    pub(crate) fn of(bins: &Bins, step: u32, grid: &'a Grid, cost: &CellCost) -> Self {
         let mut candidates = SmallVec::<[Candidate; 64]>::new();
         let mut at_most = f32::INFINITY;
         let mut boundary = None;
         for &axis in cost.considered {
             let edges = grid.edges(&cost.axes[axis.index()], axis);
             let (first, last) = occupied_between(bins, axis);
-            let (mut lower, mut upper) = (0, bins.counted(axis));
-            for (bin, (starting, ending)) in bins.along(axis).enumerate() {
-                if first < bin && bin <= last {
-                    let (from, to) = edges.near(bin);
-                    let cost = of_parts(axis, (to, lower), (1.0 - from, upper));
-                    if cost < at_most {
+            let (starts, ends) = bins.along(axis);
+            let mut before = (0, starts.iter().sum());
+            for (number, (starts, ends)) in starts.chunks(LANES).zip(ends.chunks(LANES)).enumerate()
+            {
+                let from = LANES * number;
+                let group = Group::new(from, &mut before, starts, ends);
+                let (at_boundary, at_least) = group.costs(cost, axis, &edges, step);
+                for (lane, (bin, &cost)) in (from..).zip(&at_boundary[..starts.len()]).enumerate() {
+                    if cost < at_most && first < bin && bin <= last {
                         at_most = cost;
-                        let counts = (lower, upper);
+                        let counts = group.before(lane);
                         boundary = Some(Boundary { axis, bin, counts });
                     }
                 }
-                if starting + ending > 0 {
-                    let (from, to) = edges.around(bin);
-                    let at_least = of_parts(axis, (from, lower), (1.0 - to, upper - ending));
-                    if at_least <= at_most * ROUNDING {
+                for (lane, (starts, ends)) in starts.iter().zip(ends).enumerate() {
+                    let at_least = at_least[lane];
+                    if at_least <= at_most * ROUNDING && starts + ends > 0 {
                         candidates.push(Candidate {
                             axis,
-                            bin,
+                            bin: from + lane,
                             at_least,
-                            before: (lower, upper),
+                            before: group.before(lane),
                         });
                     }
                 }
-                lower += starting;
-                upper -= ending;
             }
         }
         candidates.retain(|candidate| candidate.at_least <= at_most * ROUNDING);
@@ -112,14 +200,17 @@ impl<'a> Promising<'a> {
     /// Offers the best boundary between bins.
     pub(crate) fn offer_boundary_to(&self, best: &mut BestPlane<'_>) {
         if let Some(Boundary { axis, bin, counts }) = self.boundary {
-            let counts = (self.step * counts.0, self.step * counts.1);
+            let step = self.step as usize;
+            let counts = (step * counts.0, step * counts.1);
             best.offer_side(axis, self.grid.boundary(axis, bin), counts, Side::Lower);
         }
     }
 
-    /// Forgets all but the first few.
-    pub(crate) fn limit(&mut self, most: usize) {
+    /// Forgets all but the first few, and whatever cannot cost less than asked for.
+    pub(crate) fn limit(&mut self, most: usize, below: f32) {
         self.candidates.truncate(most);
+        self.candidates
+            .retain(|candidate| candidate.at_least <= below);
     }
 
     /// Offers the starts and ends in all of the bins, but for what cannot be best. `chunks` are the counts of the
@@ -131,6 +222,9 @@ impl<'a> Promising<'a> {
         chunks: &[Bins],
         parallel: bool,
     ) {
+        if self.candidates.is_empty() {
+            return;
+        }
         let bins = self.candidates.iter().map(|c| (c.axis, c.bin));
         let wanted = Wanted::new(bins.clone());
         let chunks = cell.prims.chunks(CHUNK).zip(chunks).collect();
@@ -139,7 +233,7 @@ impl<'a> Promising<'a> {
                 let (starts, ends) = counted.at(axis, bin);
                 starts + ends
             });
-            Collected::of(prims, self.step, self.grid, &wanted, counts)
+            Collected::of(prims, self.step as usize, self.grid, &wanted, counts)
         });
         // Those that several threads look into at once do not know of each other.
         let stride = if parallel && collected.len() > 1 {
@@ -165,7 +259,7 @@ impl<'a> Promising<'a> {
                     &events,
                     candidate.axis,
                     candidate.before,
-                    self.step,
+                    self.step as usize,
                     &mut best,
                 );
             }
@@ -173,6 +267,47 @@ impl<'a> Promising<'a> {
         });
         for plane in found.into_iter().flatten() {
             best.take(plane);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::{Aabb, CostModel};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::plane::LeafCost;
+
+    proptest! {
+        /// What the processor has against what every target has, and both against one plane at a time.
+        #[test]
+        fn all_ways_cost_the_same(
+            starts in prop::collection::vec(0_u32..50, 1..=LANES),
+            ends in prop::collection::vec(0_u32..50, LANES),
+            step in 1_u32..5,
+            lanes in 1_u32..10,
+            axis in 0_usize..3,
+        ) {
+            let cell = Aabb { min: Vec3::new(-1.0, 2.0, 0.0), max: Vec3::new(3.0, 2.5, 7.0) };
+            let cost = CellCost::new(LeafCost::new(&CostModel { lanes, ..CostModel::PACKED }), &cell);
+            let axis = Axis::ALL[axis];
+            let grid = Grid::new(&cell, 16);
+            let edges = grid.edges(&cost.axes[axis.index()], axis);
+            let mut before = (3, 400);
+            let group = Group::new(8, &mut before, &starts, &ends);
+            let here = group.costs_here(&cost, axis, &edges, step);
+            prop_assert_eq!(group.costs(&cost, axis, &edges, step), here);
+            for (lane, bin) in (8..).take(starts.len()).enumerate() {
+                let (from, to) = edges.near(bin);
+                let (lower, upper) = (step * group.lower[lane], step * group.upper[lane]);
+                let boundary = cost.of_parts(axis, (to, lower), (1.0 - from, upper));
+                prop_assert_eq!(here.0[lane], boundary);
+                let (from, to) = edges.around(bin);
+                let beyond = upper - step * ends[lane];
+                prop_assert_eq!(here.1[lane], cost.of_parts(axis, (from, lower), (1.0 - to, beyond)));
+            }
         }
     }
 }
