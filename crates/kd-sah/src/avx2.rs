@@ -1,6 +1,6 @@
 //! All code for AVX2, and all `unsafe` code of the crate: counting for [`small`](crate::small) and [`bins`], looking at
 //! positions for [`collect`](crate::collect), costs of bins for [`promising`](crate::promising) and dividing for
-//! [`cell`](crate::cell). Each has a portable twin there, which the tests there hold it against.
+//! [`division`](crate::division). Each has a portable twin there, which the tests there hold it against.
 //!
 //! Twice each is one body, compiled for whatever the target has and here for AVX2. Where that alone does not make vector
 //! instructions of it, a trait with two implementations stands for the innermost step.
@@ -19,8 +19,8 @@ use std::arch::x86_64::{
 use kd_core::{Axis, PrimSource};
 
 use crate::bins::{self, AxisGrid, Edges, EightGrids, FindBins};
-use crate::cell::{Block, Compare, Division, Filled};
 use crate::collect::{Look, Places, Search};
+use crate::division::{Block, Compare, Division, Filled};
 use crate::plane::{CellCost, Plane};
 use crate::prim::Prim;
 use crate::promising::Group;

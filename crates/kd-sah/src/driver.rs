@@ -4,8 +4,9 @@ use std::sync::{Mutex, PoisonError};
 
 use kd_core::{CostModel, Node, Pair, PrimSource, Slot};
 
-use crate::cell::{Block, Cell, ChunkCounts, Counted, Divided, Division, Place, Room};
+use crate::cell::{Cell, Counted, Place};
 use crate::choose::{ChoosePlane, Median, Memoryless as _};
+use crate::division::{Block, ChunkCounts, Divided, Division, Room};
 use crate::options::{BuildError, BuildOptions};
 use crate::output::{Built, Interior, Output};
 use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, as_count, offer_empty_cuts};
@@ -16,8 +17,10 @@ use crate::tasks::{self, CHUNK};
 /// Cells with fewer primitives are built within one task.
 const TASK_PRIMS: usize = 1024;
 
-/// Cells with fewer primitives are divided by one thread.
+/// Cells with fewer primitives are divided by one thread, as are those that are only this part of what each thread has
+/// to do: there are others to be divided at the same time.
 const CHUNKED_PRIMS: usize = 2 * CHUNK;
+const CHUNKED_SHARE: usize = 2;
 
 /// What a build is about.
 pub(crate) struct Task<'a, S> {
@@ -68,7 +71,7 @@ impl<S: PrimSource> Task<'_, S> {
         chooser: &impl ChoosePlane,
         start: Start,
     ) -> Result<Output, BuildError> {
-        let driver = self.driver(chooser, start.max_depth);
+        let driver = self.driver(chooser, &start);
         let mut worker = Worker::default();
         worker.output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
         let (part, mut prims) = driver.begin(start);
@@ -85,7 +88,7 @@ impl<S: PrimSource> Task<'_, S> {
         start: Start,
     ) -> Result<(Plane, [Start; 2]), Start> {
         let max_depth = start.max_depth;
-        let driver = self.driver(chooser, max_depth);
+        let driver = self.driver(chooser, &start);
         let (mut part, mut prims) = driver.begin(start);
         let Some(plane) = driver.plane(&prims, &mut part) else {
             return Err(Start {
@@ -109,7 +112,13 @@ impl<S: PrimSource> Task<'_, S> {
         Ok((plane, starts))
     }
 
-    fn driver<'a, C: ChoosePlane>(&'a self, chooser: &'a C, max_depth: u32) -> Driver<'a, S, C> {
+    fn driver<'a, C: ChoosePlane>(&'a self, chooser: &'a C, start: &Start) -> Driver<'a, S, C> {
+        let threads = match self.options.threads {
+            1 => 1,
+            _ => tasks::threads(),
+        };
+        let parallel = threads > 1;
+        let share = start.prims.len() / (CHUNKED_SHARE * threads);
         Driver {
             source: self.source,
             chooser,
@@ -117,8 +126,13 @@ impl<S: PrimSource> Task<'_, S> {
             watched: self.watched,
             model: &self.options.cost,
             leaf_cost: LeafCost::new(&self.options.cost),
-            max_depth,
-            parallel: self.options.threads != 1 && tasks::threads() > 1,
+            max_depth: start.max_depth,
+            parallel,
+            chunked_prims: if parallel {
+                share.max(CHUNKED_PRIMS)
+            } else {
+                usize::MAX
+            },
         }
     }
 }
@@ -133,7 +147,7 @@ struct Worker {
 /// So much memory that it is likely to last for the cells below one of so many primitives: at least a half of each
 /// stays where it is, and some are cut.
 fn roomy(prims: usize) -> usize {
-    prims + prims / 8
+    prims + prims / 16
 }
 
 /// A cell to be built, but for its primitives.
@@ -166,6 +180,8 @@ struct Driver<'a, S, C> {
     leaf_cost: LeafCost,
     max_depth: u32,
     parallel: bool,
+    /// The fewest primitives of cells that are divided in chunks.
+    chunked_prims: usize,
 }
 
 impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
@@ -197,11 +213,15 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             return self.leaf(prims, &part.allowance, &mut worker.output);
         };
         let place = part.place;
-        let chunks =
-            (self.parallel && count >= CHUNKED_PRIMS).then(|| ChunkCounts::of(prims, &plane));
+        let division = self.division(&place, &plane);
+        let chunks = if count >= self.chunked_prims {
+            ChunkCounts::of(&division, prims)
+        } else {
+            None
+        };
         let needed = match &chunks {
             Some(chunks) => chunks.total(),
-            None if free.len() < count => self.division(&place, &plane).moving(prims),
+            None if free.len() < count => division.moving(prims),
             None => 0,
         };
         let mut more;

@@ -47,6 +47,7 @@ mod bins;
 mod cell;
 mod choose;
 mod collect;
+mod division;
 mod driver;
 mod events;
 mod lazy;

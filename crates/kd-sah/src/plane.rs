@@ -20,6 +20,15 @@ pub(crate) enum Side {
     Upper,
 }
 
+impl Side {
+    pub(crate) fn other(self) -> Self {
+        match self {
+            Self::Lower => Self::Upper,
+            Self::Upper => Self::Lower,
+        }
+    }
+}
+
 impl Plane {
     /// The order in which planes are preferred: lower cost, then axis, then position, then planar primitives below.
     ///

@@ -99,6 +99,14 @@ impl Around {
         high: Vec4::NEG_INFINITY,
     };
 
+    /// A box that has grown already.
+    pub(crate) fn of(bounds: &Aabb) -> Self {
+        Self {
+            low: bounds.min.extend(0.0),
+            high: bounds.max.extend(0.0),
+        }
+    }
+
     #[inline]
     pub(crate) fn add(&mut self, prim: &Prim) {
         self.low = self.low.min(prim.low());

@@ -1,0 +1,571 @@
+//! How a plane divides the primitives of a cell, within its memory: one part stays, the other moves to what is free.
+
+use glam::Vec3;
+use kd_core::{Aabb, PrimSource};
+use smallvec::SmallVec;
+
+use crate::cell::{Counted, Place};
+use crate::plane::{Plane, Side};
+use crate::prim::{Around, Prim};
+use crate::tasks::{self, CHUNK};
+
+/// How many primitives of each chunk of a large cell move when it is divided.
+pub(crate) struct ChunkCounts {
+    moving: Vec<usize>,
+}
+
+impl ChunkCounts {
+    /// Counts on several threads; `None` if there is nothing to count.
+    pub(crate) fn of<S: PrimSource>(division: &Division<'_, S>, cell: &[Prim]) -> Option<Self> {
+        if division.cuts_nothing().is_some() {
+            return None;
+        }
+        let moves = division.staying().other();
+        let chunks = cell.chunks(CHUNK).collect();
+        let moving = tasks::map(chunks, true, |chunk: &[Prim]| {
+            Counted::of(chunk, division.plane).at(moves)
+        });
+        Some(Self { moving })
+    }
+
+    /// How many move in all.
+    pub(crate) fn total(&self) -> usize {
+        self.moving.iter().sum()
+    }
+}
+
+/// A plane that divides a cell.
+pub(crate) struct Division<'a, S> {
+    pub(crate) source: &'a S,
+    pub(crate) place: &'a Place,
+    pub(crate) plane: &'a Plane,
+}
+
+/// Both parts of a divided cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Divided {
+    /// The places of the lower and the upper part.
+    pub(crate) places: [Place; 2],
+    pub(crate) counted: Counted,
+    /// The part that is where the cell was; the other one is where it was free. Each starts its memory.
+    stays: Side,
+}
+
+/// The primitives of a cell, and memory for those of the cells below it.
+pub(crate) struct Room<'a> {
+    pub(crate) prims: &'a mut [Prim],
+    pub(crate) free: &'a mut [Prim],
+}
+
+impl Divided {
+    /// One part with all the room there is, while the other one has been finished or, above the lower part, waits.
+    pub(crate) fn one<'a>(
+        &self,
+        part: Side,
+        cell: &'a mut [Prim],
+        free: &'a mut [Prim],
+    ) -> Room<'a> {
+        let Counted { lower, upper } = self.counted;
+        let (prims, free) = match (self.stays, part) {
+            (Side::Lower, Side::Lower) => (&mut cell[..lower], &mut free[upper..]),
+            (Side::Lower, Side::Upper) => (&mut free[..upper], cell),
+            (Side::Upper, Side::Lower) => free.split_at_mut(lower),
+            (Side::Upper, Side::Upper) => (&mut cell[..upper], free),
+        };
+        Room { prims, free }
+    }
+
+    /// Both parts, and the rest of the room divided between them.
+    pub(crate) fn both<'a>(&self, cell: &'a mut [Prim], free: &'a mut [Prim]) -> [Room<'a>; 2] {
+        let Counted { lower, upper } = self.counted;
+        let (lower_memory, upper_memory) = match self.stays {
+            Side::Lower => (cell, free),
+            Side::Upper => (free, cell),
+        };
+        let (lower, below) = lower_memory.split_at_mut(lower);
+        let (upper, above) = upper_memory.split_at_mut(upper);
+        // The part that stays is likely to be the larger one, and where it was free there is more left.
+        [(lower, above), (upper, below)].map(|(prims, free)| Room { prims, free })
+    }
+}
+
+/// Primitives that are divided together: a bit for each fits into an integer.
+const BLOCK: usize = 64;
+
+/// Primitives that are held against a plane together.
+const LANES: usize = 8;
+
+/// A copy of some primitives, to be divided while what they are a copy of is overwritten.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    prims: [Prim; BLOCK],
+    count: usize,
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Self {
+            prims: [Prim::NONE; BLOCK],
+            count: 0,
+        }
+    }
+}
+
+impl Block {
+    /// Copies the first ones of a list.
+    fn copy_from(&mut self, prims: &[Prim]) {
+        self.count = prims.len().min(BLOCK);
+        self.prims[..self.count].copy_from_slice(&prims[..self.count]);
+    }
+}
+
+/// A bit for each primitive of a block.
+type Bits = u64;
+
+/// The numbers of the bits that are set, lowest first.
+#[inline(always)]
+fn numbers(mut bits: Bits) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let number = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (number < BLOCK).then_some(number)
+    })
+}
+
+/// A way to hold primitives against a plane.
+pub(crate) trait Compare: Copy {
+    /// A bit for each start below the position, and one for each end above it.
+    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8);
+}
+
+/// Whatever the target has.
+#[derive(Clone, Copy)]
+struct Portable;
+
+impl Compare for Portable {
+    #[inline(always)]
+    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8) {
+        let (mut below, mut above) = (0, 0);
+        for lane in 0..LANES {
+            below |= u8::from(starts[lane] < position) << lane;
+            above |= u8::from(ends[lane] > position) << lane;
+        }
+        (below, above)
+    }
+}
+
+/// How much of both parts is filled, and the boxes around it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Filled {
+    counted: Counted,
+    lower_tight: Around,
+    upper_tight: Around,
+}
+
+impl<S: PrimSource> Division<'_, S> {
+    /// Divides a cell within its memory: one part stays, and the other one moves to the front of what is free. The free
+    /// memory must be as large as the moving part, of [`moving`](Self::moving) primitives.
+    pub(crate) fn in_place(
+        &self,
+        cell: &mut [Prim],
+        free: &mut [Prim],
+        block: &mut Block,
+    ) -> Divided {
+        if let Some(stays) = self.cuts_nothing() {
+            return self.divided(&Filled::all(stays, cell.len(), &self.place.tight), stays);
+        }
+        let stays = self.staying();
+        let mut filled = Filled::NOTHING;
+        self.divide_within(cell, stays, free, block, &mut filled);
+        self.divided(&filled, stays)
+    }
+
+    /// Divides a cell, or a chunk of one: one part to its front, the other one to the front of other memory.
+    fn divide_within(
+        &self,
+        cell: &mut [Prim],
+        stays: Side,
+        moved: &mut [Prim],
+        block: &mut Block,
+        filled: &mut Filled,
+    ) {
+        let mut from = 0;
+        while from < cell.len() {
+            // Nothing is written behind what has been read.
+            block.copy_from(&cell[from..]);
+            from += block.count;
+            let lists = match stays {
+                Side::Lower => [&mut *cell, &mut *moved],
+                Side::Upper => [&mut *moved, &mut *cell],
+            };
+            self.divide(block, lists, filled);
+        }
+    }
+
+    /// The part that all primitives are in, if that can be told without looking at them: where empty space is cut off.
+    fn cuts_nothing(&self) -> Option<Side> {
+        let (axis, tight) = (self.plane.axis.index(), &self.place.tight);
+        let is_below = tight.max[axis] < self.plane.position;
+        let is_above = tight.min[axis] > self.plane.position;
+        match self.plane.planar_side {
+            _ if is_below => Some(Side::Lower),
+            _ if is_above => Some(Side::Upper),
+            Side::Lower if tight.max[axis] == self.plane.position => Some(Side::Lower),
+            Side::Upper if tight.min[axis] == self.plane.position => Some(Side::Upper),
+            _ => None,
+        }
+    }
+
+    /// The part that stays, because more is likely to be in it: the one that takes more of the box around the
+    /// primitives. All of it, where empty space is cut off.
+    fn staying(&self) -> Side {
+        let axis = self.plane.axis.index();
+        let (below, above) = (
+            self.plane.position - self.place.tight.min[axis],
+            self.place.tight.max[axis] - self.plane.position,
+        );
+        if below > above {
+            Side::Lower
+        } else {
+            Side::Upper
+        }
+    }
+
+    /// How many primitives move if the cell is divided in place.
+    pub(crate) fn moving(&self, cell: &[Prim]) -> usize {
+        if self.cuts_nothing().is_some() {
+            return 0;
+        }
+        Counted::of(cell, self.plane).at(self.staying().other())
+    }
+
+    /// [`in_place`](Self::in_place) for a large cell, in chunks on several threads (`ClassifyTriangles` and
+    /// `FilterGeometry` of Choi et al. 2010). What moves has been counted for each chunk, so it is known where its part
+    /// of the outcome goes, and the order is that of the cell.
+    pub(crate) fn in_chunks(
+        &self,
+        cell: &mut [Prim],
+        free: &mut [Prim],
+        ChunkCounts { moving }: &ChunkCounts,
+    ) -> Divided {
+        let stays = self.staying();
+        let mut chunks = Vec::with_capacity(moving.len());
+        let mut rest = &mut *free;
+        for (chunk, &count) in cell.chunks_mut(CHUNK).zip(moving) {
+            let moved;
+            (moved, rest) = rest.split_at_mut(count);
+            chunks.push((chunk, moved));
+        }
+        let filled = tasks::map(chunks, true, |(chunk, moved)| {
+            let mut filled = Filled::NOTHING;
+            self.divide_within(chunk, stays, moved, &mut Block::default(), &mut filled);
+            filled
+        });
+        let counts = |side| filled.iter().map(move |chunk| chunk.counted.at(side));
+        let lengths = std::iter::repeat_n(CHUNK, moving.len());
+        close_gaps(cell, counts(stays).zip(lengths));
+        close_gaps(free, counts(stays.other()).zip(moving.iter().copied()));
+        let all = filled.iter().copied().reduce(|all, chunk| all.and(&chunk));
+        self.divided(&all.unwrap_or(Filled::NOTHING), stays)
+    }
+
+    fn divided(&self, filled: &Filled, stays: Side) -> Divided {
+        let (lower, upper) = self
+            .place
+            .bounds
+            .split(self.plane.axis, self.plane.position);
+        let places = [(lower, filled.lower_tight), (upper, filled.upper_tight)];
+        Divided {
+            places: places.map(|(bounds, tight)| Place {
+                bounds,
+                tight: tight.bounds(),
+                depth: self.place.depth + 1,
+            }),
+            counted: filled.counted,
+            stays,
+        }
+    }
+
+    /// Divides a block: appends to both lists, in order, and takes note of it. What straddles the plane is clipped anew
+    /// from the original primitive ("perfect split").
+    ///
+    /// All builders divide by this one function, so equal planes give equal trees.
+    fn divide(&self, block: &Block, lists: [&mut [Prim]; 2], filled: &mut Filled) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = crate::avx2::Avx2::detect() {
+            return avx2.divide(self, block, lists, filled);
+        }
+        self.divide_by(Portable, block, lists, filled);
+    }
+
+    /// On which side a primitive lies is as good as random, so there is no branch on it: first there are bits that
+    /// tell it for all, and then each list takes its own.
+    #[inline(always)]
+    pub(crate) fn divide_by(
+        &self,
+        compare: impl Compare,
+        block: &Block,
+        [lower_list, upper_list]: [&mut [Prim]; 2],
+        filled: &mut Filled,
+    ) {
+        let [lower_bits, upper_bits] = self.sides(compare, block);
+        let Counted { lower, upper } = filled.counted;
+        let (lower_list, upper_list) = (&mut lower_list[lower..], &mut upper_list[upper..]);
+        let mut lower = take(&block.prims, lower_bits, lower_list);
+        let mut upper = take(&block.prims, upper_bits, upper_list);
+
+        let cut = lower_bits & upper_bits;
+        if cut != 0 {
+            // All are fetched before the first one is needed.
+            let shapes: SmallVec<[S::Shape; BLOCK]> = numbers(cut)
+                .map(|number| self.source.shape(block.prims[number].slot()))
+                .collect();
+            // The last one first: what clipping finds to be nothing is closed up, and moves only what is mended.
+            let mut rest = cut;
+            for shape in shapes.iter().rev() {
+                let number = rest.ilog2();
+                let before = (1 << number) - 1;
+                rest &= before;
+                let at = |bits: Bits| (bits & before).count_ones() as usize;
+                let [below, above] = self.cut(&block.prims[number as usize], shape);
+                lower -= mend(&mut lower_list[at(lower_bits)..lower], below);
+                upper -= mend(&mut upper_list[at(upper_bits)..upper], above);
+            }
+        }
+        for prim in &lower_list[..lower] {
+            filled.lower_tight.add(prim);
+        }
+        for prim in &upper_list[..upper] {
+            filled.upper_tight.add(prim);
+        }
+        filled.counted.lower += lower;
+        filled.counted.upper += upper;
+    }
+
+    /// Which primitives of a block go to the lower and to the upper part; those in both are cut.
+    #[inline(always)]
+    fn sides(&self, compare: impl Compare, block: &Block) -> [Bits; 2] {
+        let Plane { axis, position, .. } = *self.plane;
+        let (mut below, mut above) = (0, 0);
+        let (groups, _) = block.prims.as_chunks::<LANES>();
+        for (number, group) in groups[..block.count.div_ceil(LANES)].iter().enumerate() {
+            let starts = group.each_ref().map(|prim| prim.start(axis));
+            let ends = group.each_ref().map(|prim| prim.end(axis));
+            let bits = compare.below_and_above(position, starts, ends);
+            below |= Bits::from(bits.0) << (LANES * number);
+            above |= Bits::from(bits.1) << (LANES * number);
+        }
+        let all = Bits::MAX >> (BLOCK - block.count);
+        let sides = match self.plane.planar_side {
+            Side::Lower => [below | !above, above],
+            Side::Upper => [below, above | !below],
+        };
+        sides.map(|bits| bits & all)
+    }
+
+    /// The parts of a primitive that the plane cuts.
+    ///
+    /// Sides of the cell that the part in it does not touch need no clipping: were they not there, the part would reach
+    /// no further, because it is convex, and would have to cross the side.
+    #[inline(always)]
+    fn cut(&self, prim: &Prim, shape: &S::Shape) -> [Option<Prim>; 2] {
+        let (plane, cell, whole) = (self.plane, &self.place.bounds, prim.bounds());
+        let infinite = Vec3::splat(f32::INFINITY);
+        let touched = Aabb {
+            min: Vec3::select(whole.min.cmpgt(cell.min), -infinite, cell.min),
+            max: Vec3::select(whole.max.cmplt(cell.max), infinite, cell.max),
+        };
+        let parts = self
+            .source
+            .clipped_halves(shape, &touched, plane.axis, plane.position)
+            .map(|part| part.map(|part| part.intersection(&whole)));
+        let parts = if parts == [None, None] {
+            // Rounding put a sliver of it outside of both; it must not be lost.
+            let (below, above) = whole.split(plane.axis, plane.position);
+            [Some(below), Some(above)]
+        } else {
+            parts
+        };
+        parts.map(|part| part.map(|bounds| Prim::new(prim.slot(), &bounds)))
+    }
+}
+
+impl Filled {
+    const NOTHING: Self = Self {
+        counted: Counted { lower: 0, upper: 0 },
+        lower_tight: Around::NOTHING,
+        upper_tight: Around::NOTHING,
+    };
+
+    /// All in one part.
+    fn all(side: Side, count: usize, tight: &Aabb) -> Self {
+        let (nothing, all) = (Self::NOTHING, Around::of(tight));
+        match side {
+            Side::Lower => Self {
+                counted: Counted {
+                    lower: count,
+                    upper: 0,
+                },
+                lower_tight: all,
+                ..nothing
+            },
+            Side::Upper => Self {
+                counted: Counted {
+                    lower: 0,
+                    upper: count,
+                },
+                upper_tight: all,
+                ..nothing
+            },
+        }
+    }
+
+    /// This and another one.
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            counted: Counted {
+                lower: self.counted.lower + other.counted.lower,
+                upper: self.counted.upper + other.counted.upper,
+            },
+            lower_tight: self.lower_tight.and(&other.lower_tight),
+            upper_tight: self.upper_tight.and(&other.upper_tight),
+        }
+    }
+}
+
+/// Copies what bits name to the front of a list, and gives how many that are.
+#[inline(always)]
+fn take(prims: &[Prim; BLOCK], bits: Bits, list: &mut [Prim]) -> usize {
+    let count = bits.count_ones() as usize;
+    for (place, number) in list[..count].iter_mut().zip(numbers(bits)) {
+        *place = prims[number];
+    }
+    count
+}
+
+/// Puts a part of a primitive in its place, the first of a list, or closes up the list if there is no such part. Gives
+/// how many are gone.
+#[inline(always)]
+fn mend(list: &mut [Prim], part: Option<Prim>) -> usize {
+    if let Some(part) = part {
+        list[0] = part;
+        0
+    } else {
+        list.copy_within(1.., 0);
+        1
+    }
+}
+
+/// Moves what was filled together, where clipping left less of a chunk than was counted.
+fn close_gaps(prims: &mut [Prim], chunks: impl Iterator<Item = (usize, usize)>) {
+    let (mut to, mut from) = (0, 0);
+    for (filled, counted) in chunks {
+        if to < from {
+            prims.copy_within(from..from + filled, to);
+        }
+        to += filled;
+        from += counted;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kd_core::{Axis, Mesh};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cell::Lies;
+
+    /// Small triangles, some of them flat, in a cube of 6.
+    fn soup() -> impl Strategy<Value = Mesh> {
+        let corner = || [0_u8..6, 0_u8..6, 0_u8..6].prop_map(|at| at.map(f32::from));
+        prop::collection::vec([corner(), corner(), corner()], 1..150).prop_map(|soup| {
+            let corners = soup.as_flattened().to_vec();
+            let triangles = (0_u32..).step_by(3).map(|i| [i, i + 1, i + 2]);
+            Mesh::new(corners, triangles.take(soup.len()).collect()).expect("finite")
+        })
+    }
+
+    /// The lists of both parts, one primitive after the other.
+    fn divided_slowly(division: &Division<'_, Mesh>, cell: &[Prim]) -> [Vec<Prim>; 2] {
+        let [mut lower, mut upper] = [const { Vec::new() }; 2];
+        for prim in cell {
+            match Lies::of(prim, division.plane) {
+                Lies::Below => lower.push(*prim),
+                Lies::Above => upper.push(*prim),
+                Lies::Across => {
+                    let shape = division.source.shape(prim.slot());
+                    let [below, above] = division.cut(prim, &shape);
+                    lower.extend(below);
+                    upper.extend(above);
+                }
+            }
+        }
+        [lower, upper]
+    }
+
+    fn tight(prims: &[Prim]) -> Aabb {
+        let all = prims.iter().map(Prim::bounds);
+        all.fold(Aabb::EMPTY, |all, one| all.union(&one))
+    }
+
+    proptest! {
+        /// In place, in chunks, and by what every target has, against one primitive after the other; twice in a row, so
+        /// that the second time there are parts of triangles.
+        #[test]
+        fn all_ways_divide_the_same(
+            mesh in soup(),
+            axes in [0_usize..3, 0_usize..3],
+            positions in [1_u8..12, 1_u8..12],
+            planar_lower: bool,
+        ) {
+            let mut prims: Vec<Prim> = (0..mesh.count()).map(|slot| Prim::new(slot, &PrimSource::bounds(&mesh, slot))).collect();
+            let mut place = Place { bounds: mesh.bounds(), tight: mesh.bounds(), depth: 0 };
+            for (axis, position) in axes.into_iter().zip(positions) {
+                let plane = Plane {
+                    axis: Axis::ALL[axis],
+                    position: 0.5 * f32::from(position),
+                    planar_side: if planar_lower { Side::Lower } else { Side::Upper },
+                    cost: 0.0,
+                };
+                if !(place.bounds.min[axis] < plane.position && plane.position < place.bounds.max[axis]) {
+                    continue;
+                }
+                let division = Division { source: &mesh, place: &place, plane: &plane };
+                let slowly = divided_slowly(&division, &prims);
+
+                let mut free = Prim::room_for(2 * prims.len());
+                let mut cell = prims.clone();
+                let divided = match ChunkCounts::of(&division, &prims) {
+                    Some(counts) => division.in_chunks(&mut cell, &mut free, &counts),
+                    None => division.in_place(&mut cell, &mut free, &mut Block::default()),
+                };
+                let rooms = divided.both(&mut cell, &mut free);
+                for (side, room) in rooms.iter().enumerate() {
+                    prop_assert_eq!(&*room.prims, &slowly[side][..], "in chunks");
+                    prop_assert_eq!(divided.places[side].tight, tight(&slowly[side]));
+                }
+
+                let [mut lower, mut upper] = [0, 1].map(|_| Prim::room_for(prims.len()));
+                let mut filled = Filled::NOTHING;
+                let mut block = Block::default();
+                for chunk in prims.chunks(BLOCK) {
+                    block.copy_from(chunk);
+                    division.divide_by(Portable, &block, [&mut lower, &mut upper], &mut filled);
+                }
+                prop_assert_eq!(&lower[..filled.counted.lower], &slowly[0][..], "on every target");
+                prop_assert_eq!(&upper[..filled.counted.upper], &slowly[1][..], "on every target");
+
+                let mut free = Prim::room_for(division.moving(&prims));
+                let divided = division.in_place(&mut prims, &mut free, &mut block);
+                let rooms = divided.both(&mut prims, &mut free).map(|room| room.prims.to_vec());
+                prop_assert_eq!(&rooms, &slowly, "in place");
+                for (side, part) in [Side::Lower, Side::Upper].into_iter().zip(&slowly) {
+                    prop_assert_eq!(&*divided.one(side, &mut prims, &mut free).prims, &part[..]);
+                }
+                place = divided.places[0];
+                [prims, _] = rooms;
+            }
+        }
+    }
+}
