@@ -317,9 +317,8 @@ impl<S: PrimSource> Division<'_, S> {
         let cut = lower_bits & upper_bits;
         if cut != 0 {
             // All are fetched before the first one is needed.
-            let shapes: SmallVec<[S::Shape; BLOCK]> = numbers(cut)
-                .map(|number| self.source.shape(block.prims[number].slot()))
-                .collect();
+            let mut shapes = SmallVec::<[S::Shape; BLOCK]>::new();
+            shapes.extend(numbers(cut).map(|number| self.source.shape(block.prims[number].slot())));
             // The last one first: what clipping finds to be nothing is closed up, and moves only what is mended.
             let mut rest = cut;
             for shape in shapes.iter().rev() {

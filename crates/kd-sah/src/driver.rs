@@ -17,10 +17,8 @@ use crate::tasks::{self, CHUNK};
 /// Cells with fewer primitives are built within one task.
 const TASK_PRIMS: usize = 1024;
 
-/// Cells with fewer primitives are divided by one thread, as are those that are only this part of what each thread has
-/// to do: there are others to be divided at the same time.
+/// Cells with fewer primitives are divided by one thread.
 const CHUNKED_PRIMS: usize = 2 * CHUNK;
-const CHUNKED_SHARE: usize = 2;
 
 /// What a build is about.
 pub(crate) struct Task<'a, S> {
@@ -118,7 +116,8 @@ impl<S: PrimSource> Task<'_, S> {
             _ => tasks::threads(),
         };
         let parallel = threads > 1;
-        let share = start.prims.len() / (CHUNKED_SHARE * threads);
+        // Where cells are no more than a thread's share of the work, there are others to divide at the same time.
+        let share = start.prims.len() / threads;
         Driver {
             source: self.source,
             chooser,
@@ -142,6 +141,8 @@ impl<S: PrimSource> Task<'_, S> {
 struct Worker {
     output: Output,
     block: Block,
+    /// Memory for a task whose share of what was free is too small.
+    spare: Vec<Prim>,
 }
 
 /// So much memory that it is likely to last for the cells below one of so many primitives: at least a half of each
@@ -219,17 +220,31 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         } else {
             None
         };
+        let is_task = count < TASK_PRIMS;
         let needed = match &chunks {
             Some(chunks) => chunks.total(),
-            None if free.len() < count => division.moving(prims),
-            None => 0,
+            None if free.len() >= count => 0,
+            // What is kept for tasks is at hand; counting takes longer.
+            None if is_task => count,
+            None => division.moving(prims),
         };
-        let mut more;
-        let free = if free.len() < needed {
-            more = Prim::room_for(roomy(needed));
-            &mut more
-        } else {
+        let mut more = Vec::new();
+        let free = if free.len() >= needed {
             free
+        } else {
+            more = if is_task {
+                std::mem::take(&mut worker.spare)
+            } else {
+                Vec::new()
+            };
+            if more.len() < needed {
+                more = Prim::room_for(if is_task {
+                    2 * TASK_PRIMS
+                } else {
+                    roomy(needed)
+                });
+            }
+            &mut more
         };
         let (divided, [lower, upper]) = self.divide(part, &plane, (prims, free), chunks, worker);
         let interior = Interior::begin(&place, &divided.places, &mut worker.output);
@@ -242,6 +257,9 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             let above = divided.one(Side::Upper, prims, free);
             [lower, self.grow(upper, above.prims, above.free, worker)?]
         };
+        if is_task && !more.is_empty() {
+            worker.spare = more;
+        }
         self.finish(&interior, &plane, count, &children, &mut worker.output)
     }
 
