@@ -151,6 +151,35 @@ fn roomy(prims: usize) -> usize {
     prims + prims / 16
 }
 
+/// Memory to divide a cell into, if there is not enough of it free; nothing otherwise.
+fn more_memory<S: PrimSource>(
+    division: &Division<'_, S>,
+    prims: &[Prim],
+    free: usize,
+    chunks: Option<&ChunkCounts>,
+    worker: &mut Worker,
+) -> Vec<Prim> {
+    let count = prims.len();
+    if chunks.is_none() && free >= count {
+        return Vec::new();
+    }
+    if count < TASK_PRIMS {
+        // What is kept for tasks is at hand; counting what moves would take longer.
+        let spare = std::mem::take(&mut worker.spare);
+        return if spare.is_empty() {
+            Prim::room_for(2 * TASK_PRIMS)
+        } else {
+            spare
+        };
+    }
+    let needed = chunks.map_or_else(|| division.moving(prims), ChunkCounts::total);
+    if free >= needed {
+        Vec::new()
+    } else {
+        Prim::room_for(roomy(needed))
+    }
+}
+
 /// A cell to be built, but for its primitives.
 struct Part<K> {
     place: Place,
@@ -220,32 +249,8 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         } else {
             None
         };
-        let is_task = count < TASK_PRIMS;
-        let needed = match &chunks {
-            Some(chunks) => chunks.total(),
-            None if free.len() >= count => 0,
-            // What is kept for tasks is at hand; counting takes longer.
-            None if is_task => count,
-            None => division.moving(prims),
-        };
-        let mut more = Vec::new();
-        let free = if free.len() >= needed {
-            free
-        } else {
-            more = if is_task {
-                std::mem::take(&mut worker.spare)
-            } else {
-                Vec::new()
-            };
-            if more.len() < needed {
-                more = Prim::room_for(if is_task {
-                    2 * TASK_PRIMS
-                } else {
-                    roomy(needed)
-                });
-            }
-            &mut more
-        };
+        let mut more = more_memory(&division, prims, free.len(), chunks.as_ref(), worker);
+        let free = if more.is_empty() { free } else { &mut more };
         let (divided, [lower, upper]) = self.divide(part, &plane, (prims, free), chunks, worker);
         let interior = Interior::begin(&place, &divided.places, &mut worker.output);
         let children = if self.parallel && count >= TASK_PRIMS {
@@ -257,7 +262,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             let above = divided.one(Side::Upper, prims, free);
             [lower, self.grow(upper, above.prims, above.free, worker)?]
         };
-        if is_task && !more.is_empty() {
+        if count < TASK_PRIMS && !more.is_empty() {
             worker.spare = more;
         }
         self.finish(&interior, &plane, count, &children, &mut worker.output)
