@@ -22,7 +22,8 @@ pub trait PrimSource: Sync {
     fn shape(&self, primitive: u32) -> Self::Shape;
 
     /// A box, inside `cell`, around the part of the primitive that lies in it; `None` if no part does. It must hold
-    /// every point of the primitive in the cell up to rounding, and may be larger than the part.
+    /// every point of the primitive in the cell up to rounding, and may be larger than the part. The cell is infinite
+    /// towards sides that are known not to matter.
     fn clipped_bounds(&self, shape: &Self::Shape, cell: &Aabb) -> Option<Aabb>;
 
     /// [`clipped_bounds`](Self::clipped_bounds) for both parts of a cell that is cut at `position` along `axis`. It

@@ -166,7 +166,7 @@ impl Compare for Avx2 {
 
 impl Look for Avx2 {
     #[inline(always)]
-    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; 8]) -> u32 {
+    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; 8]) -> u64 {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { between(grid, bins, positions) }
     }
@@ -225,7 +225,7 @@ fn starts_below_and_ends_above(position: f32, starts: [f32; 8], ends: [f32; 8]) 
 /// A bit for each position whose [`AxisGrid::rounded`], by the same operations in the same order, is in the range.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn between(grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; 8]) -> u32 {
+fn between(grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; 8]) -> u64 {
     let at = _mm256_sub_ps(vector(&positions), _mm256_set1_ps(grid.origin));
     let at = _mm256_mul_ps(at, _mm256_set1_ps(grid.scale));
     let at = _mm256_sub_ps(at, _mm256_set1_ps(0.5));
@@ -234,7 +234,7 @@ fn between(grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; 8]) -> u
     let at = _mm256_add_ps(at, _mm256_set1_ps(AxisGrid::INTEGERS));
     let from = _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_set1_ps(first), at);
     let to = _mm256_cmp_ps::<_CMP_LE_OQ>(at, _mm256_set1_ps(last));
-    _mm256_movemask_ps(_mm256_and_ps(from, to)).cast_unsigned()
+    u64::from(_mm256_movemask_ps(_mm256_and_ps(from, to)).cast_unsigned())
 }
 
 #[inline]

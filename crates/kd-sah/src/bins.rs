@@ -367,28 +367,20 @@ fn count_four<const ROOM: usize, const NUMBER: usize>(
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-    use kd_core::Aabb;
     use proptest::prelude::*;
 
     use super::*;
+    use crate::prim::samples::boxes;
 
     proptest! {
         /// What the processor has, and what every target has, against asking for the bin of each end.
         #[test]
         fn all_ways_count_the_same(
-            boxes in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], 0_i8..4), 1..40),
+            boxes_at in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], [0_i8..8, 0_i8..8, 0_i8..8]), 1..40),
             step in 1_usize..4,
             bins in prop::sample::select(vec![2_usize, 7, 32, 33, 256]),
         ) {
-            let prims: Vec<Prim> = (0_u32..)
-                .zip(&boxes)
-                .map(|(slot, (min, size))| {
-                    let min = Vec3::from_array(min.map(f32::from));
-                    Prim::new(slot, &Aabb { min, max: min + 0.7 * f32::from(*size) })
-                })
-                .collect();
-            let bounds = prims.iter().fold(Aabb::EMPTY, |all, prim| all.union(&prim.bounds()));
+            let (prims, bounds) = boxes(&boxes_at);
             let grid = Grid::new(&bounds, bins);
             for axes in [&Axis::ALL[..], &Axis::ALL[1..2]] {
                 let counted = Bins::of(&prims, axes, &grid, step);

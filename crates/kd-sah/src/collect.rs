@@ -9,6 +9,7 @@ use kd_core::Axis;
 use smallvec::SmallVec;
 
 use crate::bins::{AxisGrid, Grid, MOST_BINS};
+use crate::bits::numbers;
 use crate::events::Event;
 use crate::prim::Prim;
 
@@ -126,7 +127,7 @@ pub(crate) struct Search<'a> {
 /// A way to look at positions.
 pub(crate) trait Look: Copy {
     /// A bit for each position that lies between the outermost wanted bins.
-    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; LANES]) -> u32;
+    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; LANES]) -> u64;
 }
 
 /// Whatever the target has.
@@ -135,11 +136,11 @@ struct Portable;
 
 impl Look for Portable {
     #[inline(always)]
-    fn between(self, grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; LANES]) -> u32 {
+    fn between(self, grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; LANES]) -> u64 {
         let mut bits = 0;
         for (lane, position) in positions.into_iter().enumerate() {
             let bin = grid.rounded(position);
-            bits |= u32::from(first <= bin && bin <= last) << lane;
+            bits |= u64::from(first <= bin && bin <= last) << lane;
         }
         bits
     }
@@ -166,43 +167,22 @@ impl Search<'_> {
             AxisGrid::as_rounded(self.along.first),
             AxisGrid::as_rounded(self.along.last),
         );
-        let rest = if step == 1 {
-            let (groups, rest) = prims.as_chunks::<LANES>();
-            for group in groups {
-                self.look_at(look, bins, group.each_ref(), into);
-            }
-            rest
-        } else {
-            let groups = prims.chunks_exact(step * LANES);
-            let rest = groups.remainder();
-            for group in groups {
-                let group = std::array::from_fn(|lane| &group[lane * step]);
-                self.look_at(look, bins, group, into);
-            }
-            rest
-        };
-        for prim in rest.iter().step_by(step) {
+        let axis = self.axis;
+        let groups = prims.chunks_exact(step * LANES);
+        for prim in groups.remainder().iter().step_by(step) {
             self.put_start(prim, into);
             self.put_end(prim, into);
         }
-    }
-
-    #[inline(always)]
-    fn look_at(
-        &self,
-        look: impl Look,
-        bins: (f32, f32),
-        group: [&Prim; LANES],
-        into: &mut Places<'_>,
-    ) {
-        // Made of values, not read from a list that was just written: that would wait for the writes.
-        let starts = group.map(|prim| prim.start(self.axis));
-        let ends = group.map(|prim| prim.end(self.axis));
-        for lane in lanes(look.between(self.grid, bins, starts)) {
-            self.put_start(group[lane], into);
-        }
-        for lane in lanes(look.between(self.grid, bins, ends)) {
-            self.put_end(group[lane], into);
+        for group in groups {
+            // Made of values, not read from a list that was just written: that would wait for the writes.
+            let starts = std::array::from_fn(|lane| group[lane * step].start(axis));
+            let ends = std::array::from_fn(|lane| group[lane * step].end(axis));
+            for lane in numbers::<LANES>(look.between(self.grid, bins, starts)) {
+                self.put_start(&group[lane * step], into);
+            }
+            for lane in numbers::<LANES>(look.between(self.grid, bins, ends)) {
+                self.put_end(&group[lane * step], into);
+            }
         }
     }
 
@@ -237,43 +217,25 @@ impl Search<'_> {
     }
 }
 
-/// The numbers of the bits that are set, lowest first; all are below [`LANES`].
-#[inline(always)]
-fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < LANES).then_some(lane)
-    })
-}
-
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-    use kd_core::Aabb;
     use proptest::prelude::*;
 
     use super::*;
     use crate::bins::{self, Bins};
     use crate::cell::{Cell, Place};
+    use crate::prim::samples::boxes;
 
     proptest! {
         /// What the processor has, and what every target has, against asking for the bin of each position.
         #[test]
         fn all_ways_collect_the_same(
-            boxes in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], 0_i8..4), 1..90),
+            boxes_at in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], [0_i8..8, 0_i8..8, 0_i8..8]), 1..90),
             step in 1_usize..4,
             first in 0_usize..16,
             second in 0_usize..16,
         ) {
-            let prims: Vec<Prim> = (0_u32..)
-                .zip(&boxes)
-                .map(|(slot, (min, size))| {
-                    let min = Vec3::from_array(min.map(f32::from));
-                    Prim::new(slot, &Aabb { min, max: min + f32::from(*size) })
-                })
-                .collect();
-            let bounds = prims.iter().fold(Aabb::EMPTY, |all, prim| all.union(&prim.bounds()));
+            let (prims, bounds) = boxes(&boxes_at);
             let place = Place { bounds, tight: bounds, depth: 0 };
             let cell = Cell { place: &place, prims: &prims };
             let grid = Grid::new(&bounds, 16);

@@ -4,6 +4,7 @@ use glam::Vec3;
 use kd_core::{Aabb, PrimSource};
 use smallvec::SmallVec;
 
+use crate::bits::numbers;
 use crate::cell::{Counted, Place};
 use crate::plane::{Plane, Side};
 use crate::prim::{Around, Prim};
@@ -58,7 +59,8 @@ pub(crate) struct Room<'a> {
 }
 
 impl Divided {
-    /// One part with all the room there is, while the other one has been finished or, above the lower part, waits.
+    /// One part with all the room there is, if the lower one is built first: the upper one waits meanwhile, and has
+    /// everything afterwards.
     pub(crate) fn one<'a>(
         &self,
         part: Side,
@@ -121,16 +123,6 @@ impl Block {
 
 /// A bit for each primitive of a block.
 type Bits = u64;
-
-/// The numbers of the bits that are set, lowest first.
-#[inline(always)]
-fn numbers(mut bits: Bits) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let number = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (number < BLOCK).then_some(number)
-    })
-}
 
 /// A way to hold primitives against a plane.
 pub(crate) trait Compare: Copy {
@@ -318,7 +310,9 @@ impl<S: PrimSource> Division<'_, S> {
         if cut != 0 {
             // All are fetched before the first one is needed.
             let mut shapes = SmallVec::<[S::Shape; BLOCK]>::new();
-            shapes.extend(numbers(cut).map(|number| self.source.shape(block.prims[number].slot())));
+            shapes.extend(
+                numbers::<BLOCK>(cut).map(|number| self.source.shape(block.prims[number].slot())),
+            );
             // The last one first: what clipping finds to be nothing is closed up, and moves only what is mended.
             let mut rest = cut;
             for shape in shapes.iter().rev() {
@@ -365,7 +359,8 @@ impl<S: PrimSource> Division<'_, S> {
     /// The parts of a primitive that the plane cuts.
     ///
     /// Sides of the cell that the part in it does not touch need no clipping: were they not there, the part would reach
-    /// no further, because it is convex, and would have to cross the side.
+    /// no further, because it is convex, and would have to cross the side. (What is not convex may reach further, and
+    /// is cut to the box that is known: the parts are then larger than they need be, and hold all the same.)
     #[inline(always)]
     fn cut(&self, prim: &Prim, shape: &S::Shape) -> [Option<Prim>; 2] {
         let (plane, cell, whole) = (self.plane, &self.place.bounds, prim.bounds());
@@ -436,7 +431,7 @@ impl Filled {
 #[inline(always)]
 fn take(prims: &[Prim; BLOCK], bits: Bits, list: &mut [Prim]) -> usize {
     let count = bits.count_ones() as usize;
-    for (place, number) in list[..count].iter_mut().zip(numbers(bits)) {
+    for (place, number) in list[..count].iter_mut().zip(numbers::<BLOCK>(bits)) {
         *place = prims[number];
     }
     count

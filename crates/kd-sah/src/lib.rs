@@ -44,6 +44,7 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod bins;
+mod bits;
 mod cell;
 mod choose;
 mod collect;

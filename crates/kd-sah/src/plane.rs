@@ -241,6 +241,30 @@ impl CellCost {
     }
 }
 
+impl CellCost {
+    /// [`of_parts`](Self::of_parts) several planes, by the same operations, with no branch between them: the fractions
+    /// and counts of all lower parts, then of all upper ones.
+    #[inline(always)]
+    pub(crate) fn of_lanes<const N: usize>(
+        &self,
+        axis: Axis,
+        (lower, lower_counts): (&[f32; N], &[u32; N]),
+        (upper, upper_counts): (&[f32; N], &[u32; N]),
+    ) -> [f32; N] {
+        let AxisCost { face, slope, .. } = self.axes[axis.index()];
+        let lower_leaves = self.leaf.of_lanes(lower_counts);
+        let upper_leaves = self.leaf.of_lanes(upper_counts);
+        let mut costs = [0.0; N];
+        for lane in 0..N {
+            let cost = self.leaf.traverse
+                + (face + slope * lower[lane]) * lower_leaves[lane]
+                + (face + slope * upper[lane]) * upper_leaves[lane];
+            costs[lane] = cost * self.leaf.bonus(lower_counts[lane], upper_counts[lane]);
+        }
+        costs
+    }
+}
+
 /// Looks for the best plane of one cell; every chooser offers its candidates here, or does what is done here to many
 /// at once, so that they agree on cost and ties.
 #[derive(Clone, Copy)]

@@ -130,6 +130,25 @@ impl Around {
     }
 }
 
+/// What tests of other modules look at.
+#[cfg(test)]
+pub(crate) mod samples {
+    use super::*;
+
+    /// Boxes at whole numbers, of as many halves a side, and the box around them.
+    pub(crate) fn boxes(corners_and_sizes: &[([i8; 3], [i8; 3])]) -> (Vec<Prim>, Aabb) {
+        let prim = |(slot, (min, size)): (u32, &([i8; 3], [i8; 3]))| {
+            let [min, size] = [*min, *size].map(|v| glam::Vec3::from_array(v.map(f32::from)));
+            let max = min + 0.5 * size;
+            Prim::new(slot, &Aabb { min, max })
+        };
+        let prims: Vec<Prim> = (0_u32..).zip(corners_and_sizes).map(prim).collect();
+        let bounds = prims.iter().map(Prim::bounds);
+        let all = bounds.fold(Aabb::EMPTY, |all, one| all.union(&one));
+        (prims, all)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use glam::Vec3;

@@ -122,25 +122,18 @@ impl Group {
         let lower = self.lower.map(|count| step * count);
         let upper = self.upper.map(|count| step * count);
         let beyond = self.beyond.map(|count| step * count);
-        let lower_cost = cost.leaf.of_lanes(&lower);
-        let upper_cost = cost.leaf.of_lanes(&upper);
-        let beyond_cost = cost.leaf.of_lanes(&beyond);
-        let along = cost.axes[axis.index()];
-        let (mut at_boundary, mut at_least) = ([0.0; LANES], [0.0; LANES]);
+        let first = self.from as u32;
+        let (mut near_lower, mut near_upper) = ([0.0; LANES], [0.0; LANES]);
+        let (mut around_lower, mut around_upper) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
-            let (from, to) = edges.near(self.from as u32 + lane as u32);
-            let price = cost.leaf.traverse
-                + (along.face + along.slope * to) * lower_cost[lane]
-                + (along.face + along.slope * (1.0 - from)) * upper_cost[lane];
-            at_boundary[lane] = price * cost.leaf.bonus(lower[lane], upper[lane]);
+            let bin = first + lane as u32;
+            let (from, to) = edges.near(bin);
+            (near_lower[lane], near_upper[lane]) = (to, 1.0 - from);
+            let (from, to) = edges.around(bin);
+            (around_lower[lane], around_upper[lane]) = (from, 1.0 - to);
         }
-        for lane in 0..LANES {
-            let (from, to) = edges.around(self.from as u32 + lane as u32);
-            let price = cost.leaf.traverse
-                + (along.face + along.slope * from) * lower_cost[lane]
-                + (along.face + along.slope * (1.0 - to)) * beyond_cost[lane];
-            at_least[lane] = price * cost.leaf.bonus(lower[lane], beyond[lane]);
-        }
+        let at_boundary = cost.of_lanes(axis, (&near_lower, &lower), (&near_upper, &upper));
+        let at_least = cost.of_lanes(axis, (&around_lower, &lower), (&around_upper, &beyond));
         (at_boundary, at_least)
     }
 }

@@ -248,30 +248,23 @@ impl Least {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-    use kd_core::{Aabb, CostModel};
+    use kd_core::CostModel;
     use proptest::prelude::*;
 
     use super::*;
     use crate::cell::{Cell, Place};
     use crate::choose::{Memoryless as _, Naive};
     use crate::plane::LeafCost;
+    use crate::prim::samples::boxes;
 
     proptest! {
         /// Whatever the processor has against what every target has, and against the plain judge.
         #[test]
         fn all_ways_give_the_same_plane(
-            boxes in prop::collection::vec(([-4_i8..5, -4_i8..5, -4_i8..5], [0_i8..3, 0_i8..3, 0_i8..3]), 1..SMALL),
+            boxes_at in prop::collection::vec(([-4_i8..5, -4_i8..5, -4_i8..5], [0_i8..3, 0_i8..3, 0_i8..3]), 1..SMALL),
             lanes in 1_u32..80,
         ) {
-            let prims: Vec<Prim> = (0_u32..)
-                .zip(&boxes)
-                .map(|(slot, (min, size))| {
-                    let [min, size] = [min, size].map(|v| Vec3::from_array(v.map(f32::from)));
-                    Prim::new(slot, &Aabb { min, max: min + 0.5 * size })
-                })
-                .collect();
-            let cell = prims.iter().fold(Aabb::EMPTY, |all, prim| all.union(&prim.bounds()));
+            let (prims, cell) = boxes(&boxes_at);
             let model = CostModel { lanes, ..CostModel::CLASSIC };
             let cost = CellCost::new(LeafCost::new(&model), &cell);
             let portable = best_plane_by(Portable, &prims, &cost);

@@ -229,6 +229,11 @@ fn slivers_stay_within_the_limit_of_references() {
     }
 }
 
+fn part_of_box(shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
+    let part = shape.intersection(cell);
+    (!part.is_empty()).then_some(part)
+}
+
 /// Small boxes in a lattice of 256 places a side; none of them is stored.
 struct Lattice {
     count: u32,
@@ -252,8 +257,7 @@ impl PrimSource for Lattice {
     }
 
     fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
-        let part = shape.intersection(cell);
-        (!part.is_empty()).then_some(part)
+        part_of_box(shape, cell)
     }
 }
 
@@ -310,8 +314,7 @@ impl PrimSource for Boxes {
     }
 
     fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
-        let part = shape.intersection(cell);
-        (!part.is_empty()).then_some(part)
+        part_of_box(shape, cell)
     }
 }
 

@@ -1,0 +1,25 @@
+//! Sets of small numbers as bits of an integer.
+
+/// The numbers of the bits that are set, lowest first; those of `MOST` and above are left out, so that the compiler
+/// knows they index an array of so many.
+#[inline(always)]
+pub(crate) fn numbers<const MOST: usize>(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let number = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (number < MOST).then_some(number)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_in_order() {
+        let all = |bits| numbers::<64>(bits).collect::<Vec<_>>();
+        assert_eq!(all(0), [], "none");
+        assert_eq!(all(1 << 63 | 0b1101), [0, 2, 3, 63], "the last one, too");
+        assert_eq!(numbers::<8>(1 << 8 | 1).collect::<Vec<_>>(), [0], "of 8");
+    }
+}
