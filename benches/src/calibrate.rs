@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum as _};
-use kd::{BuildOptions, CostModel, KdTree, Ray, TraversalCounts};
+use kd::{BuildOptions, CostModel, KdTree, Layout, Ray, TraversalCounts};
 use serde::Serialize;
 
 use crate::cli::name_of;
@@ -219,7 +219,10 @@ impl Workload {
 
 /// The tree that divides for as long as the model says that it pays.
 fn build(scene: &Scene, cost: CostModel) -> anyhow::Result<KdTree> {
-    let options = BuildOptions::best().with_cost(cost);
+    // The layout whose steps the model weighs.
+    let options = BuildOptions::best()
+        .with_cost(cost)
+        .with_layout(Layout::Binary);
     Ok(KdTree::build(Arc::clone(&scene.mesh), &options)?)
 }
 
@@ -234,9 +237,9 @@ fn equation(tree: &KdTree, kind: RayKind, rays: &[Ray], samples: usize) -> Equat
             decisions,
             ..
         } = if kind.is_any_hit() {
-            tree.packed().occluded_counted(ray).1
+            tree.occluded_counted(ray).1
         } else {
-            tree.packed().intersect_counted(ray).1
+            tree.intersect_counted(ray).1
         };
         for (sum, count) in sums.iter_mut().zip([1, nodes, leaves, blocks, decisions]) {
             *sum += u64::from(count);

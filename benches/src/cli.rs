@@ -61,7 +61,7 @@ pub(crate) struct BenchArgs {
     pub(crate) builder: Vec<BuilderName>,
 
     /// How nodes of kd lie in memory
-    #[arg(long, value_name = "NAME", value_delimiter = ',', default_values = ["binary"])]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', default_values = ["wide"])]
     pub(crate) layout: Vec<LayoutName>,
 
     /// Which rays to trace [default: all]
@@ -151,7 +151,7 @@ mod tests {
         for (flag, value, offered) in [
             ("--builder", "grown", "balanced"),
             ("--structure", "grid", "kd"),
-            ("--layout", "wide", "binary"),
+            ("--layout", "narrow", "binary"),
             ("--rays", "primary-batch", "primary"),
         ] {
             let refused = Cli::try_parse_from(["kd-bench", "bench", flag, value])

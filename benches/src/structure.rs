@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::ValueEnum;
-use kd::{BuildOptions, CostModel, Hit, KdTree, Mesh, Method, Ray};
+use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray};
 
 use crate::cli::name_of;
 use crate::memory::{Taken, bytes_during};
@@ -104,6 +104,8 @@ pub(crate) enum BuilderName {
 pub(crate) enum LayoutName {
     /// The tree's own 8-byte nodes
     Binary,
+    /// Nodes of eight children
+    Wide,
     /// Of a rival: whatever it does
     #[value(skip)]
     Own,
@@ -140,6 +142,14 @@ impl BuilderName {
 }
 
 impl LayoutName {
+    /// What it means for the kd-tree.
+    const fn layout(self) -> Layout {
+        match self {
+            Self::Binary => Layout::Binary,
+            Self::Wide | Self::Own => Layout::Wide,
+        }
+    }
+
     /// As records write it, the one that nobody can ask for included.
     pub(crate) fn name(self) -> String {
         match self {
@@ -171,7 +181,7 @@ pub(crate) struct Variant {
 pub(crate) const REFERENCE: Variant = Variant {
     structure: StructureName::Kd,
     builder: BuilderName::Balanced,
-    layout: LayoutName::Binary,
+    layout: LayoutName::Wide,
 };
 
 /// What everything is compared with where rivals are measured.
@@ -193,7 +203,9 @@ impl Variant {
     pub(crate) fn build(self, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
         let built = match self.builder.options() {
             Some(options) if !self.structure.is_rival() => {
-                let options = options.with_threads(threads);
+                let options = options
+                    .with_threads(threads)
+                    .with_layout(self.layout.layout());
                 Measured::try_of(|| KdTree::build(Arc::clone(mesh), &options))
                     .map(|measured| measured.into_built(|tree, _| Box::new(tree)))
                     .map_err(anyhow::Error::from)
@@ -323,7 +335,7 @@ impl Structure for KdTree {
             depth: stats.depth,
             sah_cost_15_20: stats.sah_cost_15_20,
             sah_cost_own: stats.sah_cost_own,
-            bytes_total: stats.bytes_total(),
+            bytes_total: stats.bytes_kept(),
             text: stats.to_string(),
         }
     }

@@ -107,22 +107,22 @@ mod tests {
 
     #[test]
     fn without_rivals_there_is_the_kd_tree() {
-        let usual = "kd/median/binary kd/exact/binary kd/balanced/binary";
+        let usual = "kd/median/wide kd/exact/wide kd/balanced/wide";
         assert_eq!(chosen(&[]).as_deref(), Ok(usual), "the usual three");
         let smoke = chosen(&["--smoke"]).expect("all");
         assert!(
-            smoke.contains("kd/naive/binary") && !smoke.contains("default"),
+            smoke.contains("kd/naive/wide") && !smoke.contains("default"),
             "all of its own: {smoke}"
         );
         let twice = chosen(&["--builder", "exact,exact"]);
-        assert_eq!(twice.as_deref(), Ok("kd/exact/binary"), "once");
+        assert_eq!(twice.as_deref(), Ok("kd/exact/wide"), "once");
     }
 
     #[test]
     fn builders_are_those_that_a_structure_has() {
         let all = chosen(&["--peers"]).expect("all");
         for part in [
-            "kd/best/binary",
+            "kd/best/wide",
             "embree-robust/medium/own",
             "parry3d/default/own",
         ] {
@@ -137,7 +137,7 @@ mod tests {
         ];
         assert_eq!(
             chosen(&some).as_deref(),
-            Ok("kd/best/binary embree/medium/own"),
+            Ok("kd/best/wide embree/medium/own"),
             "bvh has neither"
         );
     }

@@ -39,10 +39,19 @@ pub struct TreeStats {
     pub node_bytes: usize,
     /// Bytes of references.
     pub reference_bytes: usize,
-    /// Bytes of what was derived from the tree and its mesh to trace faster, if there is any.
-    pub packed_bytes: Option<usize>,
+    /// Bytes of what was derived from the tree and its mesh to trace rays, if there is any.
+    pub traced_bytes: Option<TracedBytes>,
     /// Cells that were not divided because the limit of references was reached: see [`Tree::limited_cells`].
     pub limited_cells: usize,
+}
+
+/// Bytes of what is derived from a tree and its mesh to trace rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TracedBytes {
+    /// Of nodes.
+    pub nodes: usize,
+    /// Of blocks of triangles.
+    pub blocks: usize,
 }
 
 /// Leaf sizes up to this one have a bucket of their own.
@@ -65,7 +74,7 @@ impl TreeStats {
             sah_cost_own: 0.0,
             node_bytes: tree.bytes() - reference_bytes,
             reference_bytes,
-            packed_bytes: None,
+            traced_bytes: None,
             limited_cells: tree.limited_cells(),
         };
         Walk {
@@ -85,10 +94,10 @@ impl TreeStats {
         self
     }
 
-    /// The same statistics with the bytes of packed leaves filled in.
+    /// The same statistics with the bytes of what is traced filled in.
     #[must_use]
-    pub fn with_packed_bytes(mut self, packed_bytes: usize) -> Self {
-        self.packed_bytes = Some(packed_bytes);
+    pub fn with_traced_bytes(mut self, traced_bytes: TracedBytes) -> Self {
+        self.traced_bytes = Some(traced_bytes);
         self
     }
 
@@ -101,9 +110,15 @@ impl TreeStats {
         }
     }
 
-    /// Bytes of the tree, without the mesh and without packed leaves.
+    /// Bytes of the tree, without the mesh and without what is derived from both to trace rays.
     pub fn bytes_total(&self) -> usize {
         self.node_bytes + self.reference_bytes
+    }
+
+    /// Bytes of everything but the mesh.
+    pub fn bytes_kept(&self) -> usize {
+        let traced = self.traced_bytes.unwrap_or_default();
+        self.bytes_total() + traced.nodes + traced.blocks
     }
 
     /// Name of a bucket of [`leaves_by_size`](Self::leaves_by_size): `"3"`, `"≤16"`.
@@ -227,9 +242,13 @@ impl fmt::Display for TreeStats {
             "  per triangle   {:>12.1}",
             per_triangle(self.bytes_total())
         )?;
-        if let Some(packed) = self.packed_bytes {
-            writeln!(f, "packed bytes     {packed:>12}")?;
-            writeln!(f, "  per triangle   {:>12.1}", per_triangle(packed))?;
+        if let Some(traced) = self.traced_bytes {
+            let TracedBytes { nodes, blocks } = traced;
+            writeln!(f, "bytes to trace   {:>12}", nodes + blocks)?;
+            writeln!(f, "  nodes          {nodes:>12}")?;
+            writeln!(f, "    per triangle {:>12.1}", per_triangle(nodes))?;
+            writeln!(f, "  blocks         {blocks:>12}")?;
+            writeln!(f, "    per triangle {:>12.1}", per_triangle(blocks))?;
         }
         write!(f, "leaves by depth  ")?;
         write_histogram(f, &self.leaves_by_depth, |depth| depth.to_string())?;

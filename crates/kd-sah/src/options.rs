@@ -1,6 +1,6 @@
 //! What a user can ask of a build.
 
-use kd_core::{CostModel, MAX_DEPTH, TreeError};
+use kd_core::{CostModel, Layout, MAX_DEPTH, TreeError};
 use thiserror::Error;
 
 use crate::bins::MOST_BINS;
@@ -47,7 +47,7 @@ pub enum Method {
 /// Options of a build. Start from a preset ([`balanced`](Self::balanced) is the default) and change what you need.
 ///
 /// Options are checked by the build, which names the one that is wrong. The tree depends on the primitives and on
-/// the options except [`with_threads`](Self::with_threads), bit for bit.
+/// the options except [`with_threads`](Self::with_threads) and [`with_layout`](Self::with_layout), bit for bit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
     pub(crate) method: Method,
@@ -61,6 +61,7 @@ pub struct BuildOptions {
     pub(crate) median_levels: u32,
     pub(crate) longest_axis: bool,
     pub(crate) plane_adjustment: f32,
+    layout: Layout,
 }
 
 /// The depth that no builder exceeds, whatever the number of primitives.
@@ -106,6 +107,7 @@ impl BuildOptions {
             median_levels: 0,
             longest_axis: false,
             plane_adjustment: 1.0,
+            layout: Layout::Wide,
         }
     }
 
@@ -182,6 +184,23 @@ impl BuildOptions {
     pub const fn with_threads(mut self, threads: usize) -> Self {
         self.threads = threads;
         self
+    }
+
+    /// How the finished tree lies in memory to be traced. The tree does not depend on it.
+    #[must_use]
+    pub const fn with_layout(mut self, layout: Layout) -> Self {
+        self.layout = layout;
+        self
+    }
+
+    /// How many threads build: see [`with_threads`](Self::with_threads).
+    pub const fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// How the finished tree lies in memory: see [`with_layout`](Self::with_layout).
+    pub const fn layout(&self) -> Layout {
+        self.layout
     }
 
     /// Whether planes are looked for across the longest axis of each cell only, those that cut off empty space

@@ -6,6 +6,10 @@ use kd_core::Hit;
 
 /// Takes the hits that a traversal finds, in any order, the same one possibly several times.
 pub(crate) trait Collect {
+    /// Whether any hit is as good as any other.
+    const ANY: bool = false;
+    /// Takes note that there is a hit, whichever: only where any will do.
+    fn take_any(&mut self) {}
     /// Hits beyond this `t` are of no interest; hits at it may be.
     fn limit(&self) -> f32;
     /// Takes a hit; breaks if no other can matter.
@@ -40,6 +44,13 @@ impl Collect for Closest {
 pub(crate) struct Any(pub(crate) bool);
 
 impl Collect for Any {
+    const ANY: bool = true;
+
+    #[inline]
+    fn take_any(&mut self) {
+        self.0 = true;
+    }
+
     #[inline]
     fn limit(&self) -> f32 {
         f32::INFINITY

@@ -11,10 +11,16 @@
 
 use std::fmt;
 
+use kd_core::Ray;
+
 use crate::collect::Collect;
 use crate::packed::PackedTree;
 use crate::probe::Probe;
 use crate::walk::{Begin, walk};
+#[cfg(target_arch = "x86_64")]
+use crate::wide::avx2::Avx2Ray;
+use crate::wide::portable::PortableRay;
+use crate::wide::{self, WideTree};
 
 /// A set of instructions to trace with. All give the same answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +38,7 @@ impl Level {
     /// The fastest that this processor has: AVX2 on x86-64, otherwise [`portable`](Self::portable).
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if has_avx2() {
             return Self(Instructions::Avx2);
         }
         Self::portable()
@@ -69,12 +75,58 @@ impl Level {
             Instructions::Avx2 => unsafe { walk_avx2(tree, ray, collector, probe) },
         }
     }
+
+    /// The walk over wide nodes.
+    #[inline]
+    pub(crate) fn walk_wide<C: Collect, P: Probe>(
+        self,
+        tree: &WideTree,
+        ray: &Ray,
+        collector: &mut C,
+        probe: &mut P,
+    ) {
+        match self.0 {
+            Instructions::Portable => {
+                if let Some(ray) = PortableRay::new(ray, tree.frame()) {
+                    wide::walk::walk(tree, &ray, collector, probe);
+                }
+            }
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `detect` alone makes this value, and only where the processor has all of these.
+            Instructions::Avx2 => unsafe { walk_wide_avx2(tree, ray, collector, probe) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn walk_wide_avx2<C: Collect, P: Probe>(
+    tree: &WideTree,
+    ray: &Ray,
+    collector: &mut C,
+    probe: &mut P,
+) {
+    // SAFETY: this function may be called only where there are AVX2 and FMA.
+    if let Some(ray) = unsafe { Avx2Ray::new(ray, tree.frame()) } {
+        wide::walk::walk(tree, &ray, collector, probe);
+    }
 }
 
 impl fmt::Display for Level {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
+}
+
+/// AVX2, and what has come with it in every processor that has it.
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    use std::arch::is_x86_feature_detected;
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("popcnt")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("bmi1")
 }
 
 #[cfg(target_arch = "x86_64")]

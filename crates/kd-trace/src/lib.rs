@@ -64,6 +64,7 @@
 //! [`Ray::can_hit`]: kd_core::Ray::can_hit
 #![deny(unsafe_code)]
 
+mod block;
 pub mod brute_force;
 mod collect;
 mod float;
@@ -75,8 +76,10 @@ mod probe;
 mod query;
 mod triangle;
 mod walk;
+mod wide;
 
 pub use level::Level;
 pub use packed::PackedTree;
 pub use probe::TraversalCounts;
 pub use query::{hits, intersect, intersect_counted, occluded};
+pub use wide::WideTree;

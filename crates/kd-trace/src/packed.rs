@@ -5,56 +5,21 @@
 //! interior    as in the tree
 //! leaf        index of first block    number of triangles << 2 | 3
 //!
-//! block       9 x 8 f32   corner a: x of 8 triangles, y, z; corner b; corner c
-//!             8 x u32     their numbers
 //! ```
 //! The triangles of a leaf fill its blocks in order, the last one perhaps in part. All of it is derived from a tree and
 //! its mesh, and holds copies: neither is needed to trace.
 
 use std::ops::ControlFlow;
 
-use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
-use glam::Vec3;
-use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, Tree};
+use bytemuck::{cast_slice, cast_slice_mut};
+use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, TracedBytes, Tree};
 
 use crate::Level;
+use crate::block::Block;
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::probe::{Probe, TraversalCounts};
-use crate::triangle::{LANES, LaneCorners, TriangleTest};
+use crate::triangle::{LANES, TriangleTest};
 use crate::walk::Walkable;
-
-/// Up to eight triangles of a leaf. Five cache lines.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C, align(64))]
-struct Block {
-    corners: LaneCorners,
-    triangles: [u32; LANES],
-}
-
-const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
-
-impl Block {
-    /// No triangles: whatever looks at a corner that is NaN finds no hit.
-    const EMPTY: Self = Self {
-        corners: [[[f32::NAN; LANES]; 3]; 3],
-        triangles: [u32::MAX; LANES],
-    };
-
-    fn set(&mut self, lane: usize, triangle: u32, mesh: &Mesh) {
-        for (rows, corner) in self.corners.iter_mut().zip(mesh.corners(triangle)) {
-            for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
-                row[lane] = coordinate;
-            }
-        }
-        self.triangles[lane] = triangle;
-    }
-
-    fn corners_of(&self, lane: usize) -> [Vec3; 3] {
-        self.corners
-            .each_ref()
-            .map(|rows| Vec3::from_array(rows.each_ref().map(|row| row[lane])))
-    }
-}
 
 /// A tree with the triangles of its leaves packed in blocks of eight: what to trace where speed matters.
 ///
@@ -146,9 +111,12 @@ impl PackedTree {
         self.level
     }
 
-    /// Bytes of nodes and blocks.
-    pub fn bytes(&self) -> usize {
-        size_of_val(self.pairs.as_slice()) + size_of_val(self.blocks.as_slice())
+    /// Bytes of nodes and of blocks.
+    pub fn bytes(&self) -> TracedBytes {
+        TracedBytes {
+            nodes: size_of_val(self.pairs.as_slice()),
+            blocks: size_of_val(self.blocks.as_slice()),
+        }
     }
 
     /// As [`intersect`](crate::intersect).
@@ -196,10 +164,7 @@ impl Part<'_> {
         let mut blocks = self.blocks.iter_mut();
         for leaf in self.sources.iter().filter(|node| node.is_leaf()) {
             for (triangles, block) in tree.leaf_refs(*leaf).chunks(LANES).zip(&mut blocks) {
-                *block = Block::EMPTY;
-                for (lane, triangle) in triangles.iter().enumerate() {
-                    block.set(lane, triangle.0, mesh);
-                }
+                *block = Block::of(triangles.iter().map(|slot| slot.0), mesh);
             }
         }
     }

@@ -23,6 +23,14 @@ use crate::float::{max, min};
 /// Half a unit in the last place of 1, the relative error of rounding to f32.
 const U: f32 = f32::EPSILON / 2.0;
 
+/// 80 u and 8 u: see [`TriangleTest::certainly_misses`].
+pub(crate) const SLOPE: f32 = 80.0 * U;
+pub(crate) const BLUR: f32 = 8.0 * U;
+/// Sheared coordinates are below 2.01 R, so up to here no product in f32 overflows.
+pub(crate) const MOST_REACH: f32 = (1_u64 << 62) as f32;
+/// See [`finer_weights`].
+pub(crate) const LEAST_SHARE: f64 = 1.0 / (1 << 24) as f64;
+
 /// A ray, ready to be asked about triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TriangleTest {
@@ -95,6 +103,7 @@ struct Sheared {
 
 impl Sheared {
     /// The same with the coordinates across rounded to 26 bits.
+    #[inline(always)]
     fn rounded(self) -> Self {
         Self {
             x: to_26_bits(self.x),
@@ -111,6 +120,7 @@ impl TriangleTest {
         clippy::cast_possible_truncation,
         reason = "the filter allows for the rounding of its shear"
     )]
+    #[inline(always)]
     pub(crate) fn new(ray: &Ray, reach: f32) -> Self {
         let size = ray.direction.abs();
         let along = if size.x >= size.y && size.x >= size.z {
@@ -122,10 +132,13 @@ impl TriangleTest {
         };
         let (across_x, across_y) = (along.next(), along.next().next());
         let component = |axis: Axis| f64::from(ray.direction[axis.index()]);
-        let shear_x = component(across_x) / component(along);
-        let shear_y = component(across_y) / component(along);
-        // Sheared coordinates are below 2.01 R, so up to here no product overflows.
-        let reach = if reach <= (1_u64 << 62) as f32 {
+        let numerators = [component(across_x), component(across_y), 1.0, 1.0];
+        let mut quotients = [0.0; 4];
+        for (quotient, numerator) in quotients.iter_mut().zip(numerators) {
+            *quotient = numerator / component(along);
+        }
+        let [shear_x, shear_y, scale, _] = quotients;
+        let reach = if reach <= MOST_REACH {
             reach
         } else {
             f32::INFINITY
@@ -137,14 +150,14 @@ impl TriangleTest {
             across_y,
             shear_x,
             shear_y,
-            scale: 1.0 / component(along),
+            scale,
             t_min: ray.t_min,
             t_max: ray.t_max,
             filter: Filter {
                 shear_x: shear_x as f32,
                 shear_y: shear_y as f32,
-                slope: 80.0 * U * reach,
-                blur: 8.0 * U * reach,
+                slope: SLOPE * reach,
+                blur: BLUR * reach,
             },
         }
     }
@@ -204,7 +217,7 @@ impl TriangleTest {
     }
 
     /// The hit, if there is one. A pure function of the ray and the corners.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
         let exact = corners.map(|corner| self.shear(corner));
         let rounded = exact.map(Sheared::rounded);
@@ -226,6 +239,7 @@ impl TriangleTest {
         (hit.t.is_finite() && self.t_min <= hit.t && hit.t <= self.t_max).then_some(hit)
     }
 
+    #[inline(always)]
     fn shear(&self, corner: Vec3) -> Sheared {
         let corner = corner.to_array();
         let from_origin =
@@ -256,6 +270,7 @@ impl Filter {
 }
 
 /// The nearest number with 26 significant bits, halves away from zero: an error of at most 2⁻²⁶.
+#[inline(always)]
 fn to_26_bits(x: f64) -> f64 {
     const DROPPED: u32 = f64::MANTISSA_DIGITS - 26;
     let half = 1 << (DROPPED - 1);
@@ -273,6 +288,7 @@ struct Weights {
 }
 
 impl Weights {
+    #[inline(always)]
     fn of([a, b, c]: [Sheared; 3]) -> Self {
         let edge = |p: Sheared, q: Sheared| p.x * q.y - p.y * q.x;
         Self {
@@ -301,8 +317,8 @@ impl Weights {
 /// weights err by up to 2⁻⁵² M², M being the largest coordinate; where they do not add up to far more than that, the
 /// point they stand for could lie anywhere in the triangle, while exact weights of rounded coordinates keep it within
 /// 2⁻²⁶ M of the ray. With the limit below it is within 3 · 2⁻⁵² M² / (2⁻²⁴ M²) · M < 2⁻²⁶ M.
+#[inline(always)]
 fn finer_weights(exact: [Sheared; 3]) -> Option<Weights> {
-    const LEAST_SHARE: f64 = 1.0 / (1 << 24) as f64;
     let largest = exact
         .iter()
         .fold(0.0, |m: f64, p| m.max(p.x.abs()).max(p.y.abs()));

@@ -11,7 +11,7 @@ use kd_core::{Aabb, MAX_DEPTH, Node, NodeIndex, Ray};
 
 use crate::collect::Collect;
 use crate::float::{max, min};
-use crate::planes::{RayPlanes, Span};
+use crate::planes::{Frame, RayPlanes, Span};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 
@@ -36,7 +36,7 @@ impl PreparedRay {
         if bounds.is_empty() || !ray.can_hit() {
             return None;
         }
-        let planes = RayPlanes::new(ray, bounds);
+        let planes = RayPlanes::new(ray, &Frame::new(bounds));
         let span = planes.clip(ray, bounds)?;
         let test = TriangleTest::new(ray, planes.reach());
         Some((Self { planes, test }, span))

@@ -73,8 +73,9 @@
 //!
 //! # Looking inside
 //!
-//! Rays are traced through a copy of the tree with the triangles of its leaves packed in blocks of eight
-//! ([`PackedTree`]), by AVX2 instructions where the processor has them. [`KdTree::with_level`] traces without, to compare.
+//! Rays are traced through nodes of eight children that are made from the tree ([`WideTree`]), by AVX2 instructions where
+//! the processor has them; [`BuildOptions::with_layout`] chooses the tree's own nodes instead, with the triangles of its
+//! leaves packed ([`PackedTree`]). [`KdTree::with_level`] traces without AVX2, to compare.
 //!
 //! [`KdTree::stats`] counts what there is; its text form is what the benchmarks and snapshots show. The
 //! [`nodes`](KdTree::nodes) are plain 8-byte values ([`Node`]), ready to be sent elsewhere, and
@@ -91,17 +92,18 @@
 #![forbid(unsafe_code)]
 
 mod lazy;
+mod traced;
 mod tree;
 
 pub use glam;
 pub use kd_core::{
-    Aabb, Axis, CostModel, FileError, Hit, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
-    NodeIndex, NodeView, Ray, Tree, TreeError, TreeStats, offset_origin,
+    Aabb, Axis, CostModel, FileError, Hit, Layout, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
+    NodeIndex, NodeView, Ray, TracedBytes, Tree, TreeError, TreeStats, offset_origin,
 };
 pub use kd_sah::{BuildError, BuildOptions, Method, Watch};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
-pub use kd_trace::{Level, PackedTree, TraversalCounts};
+pub use kd_trace::{Level, PackedTree, TraversalCounts, WideTree};
 pub use lazy::LazyTree;
 pub use tree::KdTree;
 

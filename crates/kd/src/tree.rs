@@ -5,11 +5,13 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::sync::Arc;
 
-use kd_core::{FileError, Hit, Mesh, Node, Ray, Tree, TreeStats};
+use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, Tree, TreeStats};
 use kd_sah::{BuildError, BuildOptions, Watch};
-use kd_trace::{Level, PackedTree, TraversalCounts};
+use kd_trace::{Level, TraversalCounts};
 
-/// A kd-tree over a mesh, with its leaves packed, ready to trace. Queries take `&self` and may run on any number of threads.
+use crate::traced::Traced;
+
+/// A kd-tree over a mesh, laid out for rays, ready to trace. Queries take `&self` and may run on any number of threads.
 ///
 /// Every query gives what testing all triangles in turn would give, to the bit: the same hits, equal distances
 /// settled by the lower triangle number. The triangle test is watertight (Woop, Benthin, Wald 2013): a ray cannot
@@ -20,14 +22,14 @@ use kd_trace::{Level, PackedTree, TraversalCounts};
 pub struct KdTree {
     mesh: Arc<Mesh>,
     tree: Tree,
-    packed: PackedTree,
+    traced: Traced,
 }
 
 impl KdTree {
-    /// Builds a tree over a mesh and packs its leaves, by default on all cores.
+    /// Builds a tree over a mesh and lays it out for rays, by default on all cores.
     ///
     /// The same mesh and options give the same tree, bit for bit, whatever the number of threads. An empty mesh gives
-    /// a tree that nothing hits. Packing takes 320 bytes per eight triangles of a leaf; where that is too much,
+    /// a tree that nothing hits. What is traced takes 60 to 110 bytes a triangle; where that is too much,
     /// [`custom::build`](crate::custom::build) gives a tree alone.
     ///
     /// # Errors
@@ -36,11 +38,11 @@ impl KdTree {
     pub fn build(mesh: impl Into<Arc<Mesh>>, options: &BuildOptions) -> Result<Self, BuildError> {
         let mesh = mesh.into();
         let tree = kd_sah::build(&*mesh, options)?;
-        Ok(Self::with_packed_leaves(mesh, tree, options))
+        Ok(Self::laid_out(mesh, tree, options))
     }
 
     /// [`build`](Self::build) for long builds: `watch` is called up to 256 times on the way with the part that is done,
-    /// from 0 to 1, and can end the build by breaking. What it sees is the tree; packing the leaves comes after.
+    /// from 0 to 1, and can end the build by breaking. What it sees is the tree; laying it out comes after.
     ///
     /// ```
     /// use std::ops::ControlFlow;
@@ -73,26 +75,36 @@ impl KdTree {
     ) -> Result<Self, BuildError> {
         let mesh = mesh.into();
         let tree = kd_sah::build_watched(&*mesh, options, watch)?;
-        Ok(Self::with_packed_leaves(mesh, tree, options))
+        Ok(Self::laid_out(mesh, tree, options))
     }
 
-    /// Packs the leaves of a tree over `mesh`, on as many threads as it was built on.
-    fn with_packed_leaves(mesh: Arc<Mesh>, tree: Tree, options: &BuildOptions) -> Self {
-        let one_thread = *options == options.clone().with_threads(1);
-        let packed = if one_thread {
-            PackedTree::new(&tree, &mesh)
-        } else {
-            packed(&tree, &mesh)
-        };
-        Self { mesh, tree, packed }
+    /// Lays out a tree over `mesh`, on one thread if it was built on one.
+    fn laid_out(mesh: Arc<Mesh>, tree: Tree, options: &BuildOptions) -> Self {
+        let traced = Traced::new(&tree, &mesh, options.layout(), options.threads() != 1);
+        Self { mesh, tree, traced }
+    }
+
+    /// The same tree in another layout, for one that was loaded from a file, say. Answers are the same.
+    #[must_use]
+    pub fn with_layout(self, layout: Layout) -> Self {
+        if self.layout() == layout {
+            return self;
+        }
+        let traced = Traced::new(&self.tree, &self.mesh, layout, true);
+        Self { traced, ..self }
+    }
+
+    /// How it lies in memory.
+    pub fn layout(&self) -> Layout {
+        self.traced.layout()
     }
 
     /// The same tree, traced with other instructions than the fastest there are. Answers are the same; for tests and
     /// measurements.
     #[must_use]
     pub fn with_level(self, level: Level) -> Self {
-        let packed = self.packed.with_level(level);
-        Self { packed, ..self }
+        let traced = self.traced.with_level(level);
+        Self { traced, ..self }
     }
 
     /// Writes the mesh and the tree to a file that [`load`](Self::load) reads, the same bytes on every platform.
@@ -136,28 +148,30 @@ impl KdTree {
             Err(source) => return Err(FileError::Io { file, source }),
         };
         let (mesh, tree) = kd_core::read_tree(&bytes, &file)?;
-        let packed = packed(&tree, &mesh);
+        let traced = Traced::new(&tree, &mesh, Layout::default(), true);
         Ok(Self {
             mesh: Arc::new(mesh),
             tree,
-            packed,
+            traced,
         })
     }
 
     /// The closest hit with `t_min <= t <= t_max`, both sides of a triangle alike.
+    #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.packed.intersect(ray)
+        self.traced.intersect(ray)
     }
 
     /// Whether there is any hit with `t_min <= t <= t_max`: [`intersect`](Self::intersect)`.is_some()`, sooner.
+    #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.packed.occluded(ray)
+        self.traced.occluded(ray)
     }
 
     /// The first `max` hits along the ray, in order, each triangle once. `out` is cleared first; reuse it to save
     /// allocations.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.packed.hits(ray, max, out);
+        self.traced.hits(ray, max, out);
     }
 
     /// The closest hit of each ray, equal to single calls. Today it is a loop over them.
@@ -186,7 +200,12 @@ impl KdTree {
 
     /// [`intersect`](Self::intersect), and what it took: for heat maps and for finding what limits speed.
     pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        self.packed.intersect_counted(ray)
+        self.traced.intersect_counted(ray)
+    }
+
+    /// [`occluded`](Self::occluded), and what it took.
+    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+        self.traced.occluded_counted(ray)
     }
 
     /// Counts, histograms, costs and sizes; linear in the number of nodes.
@@ -194,7 +213,7 @@ impl KdTree {
         self.tree
             .stats()
             .with_zero_area(self.mesh.zero_area_count())
-            .with_packed_bytes(self.packed.bytes())
+            .with_traced_bytes(self.traced.bytes())
     }
 
     /// The nodes, root first; child indices refer to this slice.
@@ -207,27 +226,10 @@ impl KdTree {
         &self.mesh
     }
 
-    /// The tree with its leaves packed, which answers all queries.
-    pub fn packed(&self) -> &PackedTree {
-        &self.packed
-    }
-
     /// The tree without its mesh, for the functions of the crates below.
     pub fn tree(&self) -> &Tree {
         &self.tree
     }
-}
-
-/// Packed leaves on the threads of the pool in scope.
-#[cfg(feature = "parallel")]
-fn packed(tree: &Tree, mesh: &Mesh) -> PackedTree {
-    PackedTree::new_parallel(tree, mesh)
-}
-
-/// Packed leaves.
-#[cfg(not(feature = "parallel"))]
-fn packed(tree: &Tree, mesh: &Mesh) -> PackedTree {
-    PackedTree::new(tree, mesh)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ mod rays;
 
 use std::sync::Arc;
 
-use kd::{BuildOptions, CostModel, Hit, KdTree, Method, Ray};
+use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Method, Ray};
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
@@ -57,6 +57,10 @@ fn builders() -> Vec<(&'static str, BuildOptions)> {
         ("fast", BuildOptions::fast()),
         ("balanced", BuildOptions::balanced()),
         ("best", BuildOptions::best()),
+        (
+            "binary layout",
+            BuildOptions::balanced().with_layout(Layout::Binary),
+        ),
         (
             "exact 15:20",
             BuildOptions::best().with_cost(CostModel::CLASSIC),

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use kd_core::{Hit, Mesh, Ray, Tree};
-use kd_trace::{Level, PackedTree, brute_force, lazy};
+use kd_trace::{Level, PackedTree, WideTree, brute_force, lazy};
 
 use crate::cells::CutTree;
 
@@ -11,6 +11,7 @@ use crate::cells::CutTree;
 pub(crate) struct Subject {
     tree: Tree,
     packed: [PackedTree; 2],
+    wide: [WideTree; 2],
     cut: [CutTree; 2],
 }
 
@@ -18,7 +19,13 @@ impl Subject {
     pub(crate) fn new(mesh: &Mesh, tree: Tree) -> Self {
         let packed = PackedTree::new(&tree, mesh);
         let portable = packed.clone().with_level(Level::portable());
+        // Each way to make it, and each level, once: answers take long to check.
+        let by_planes = WideTree::with_planes_above(&tree, mesh, 0);
         Self {
+            wide: [
+                WideTree::new(&tree, mesh),
+                by_planes.with_level(Level::portable()),
+            ],
             cut: CutTree::both(&tree, mesh),
             packed: [packed, portable],
             tree,
@@ -65,6 +72,16 @@ pub(crate) fn check<'a>(
             let occluded = packed.occluded(ray);
             assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
             packed.hits(ray, 2, &mut found);
+            let first = &expected[..expected.len().min(2)];
+            assert_eq!(found, first, "{}", place("first hits"));
+        }
+        for wide in &subject.wide {
+            let place = |way: &str| place(&format!("wide, {}, {way}", wide.level()));
+            let closest = wide.intersect(ray);
+            assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
+            let occluded = wide.occluded(ray);
+            assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
+            wide.hits(ray, 2, &mut found);
             let first = &expected[..expected.len().min(2)];
             assert_eq!(found, first, "{}", place("first hits"));
         }

@@ -12,3 +12,4 @@ mod reference;
 mod rng;
 mod scenes;
 mod watertight;
+mod wide;

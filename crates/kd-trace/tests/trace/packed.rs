@@ -32,7 +32,12 @@ fn every_lane_of_every_block_is_hit_and_none_is_added() {
         let mesh = row(triangles);
         let subject = Subject::new(&mesh, one_leaf(&mesh));
         let packed = PackedTree::new(&subject, &mesh);
-        assert_eq!(packed.bytes(), 16 + 320 * blocks, "{triangles} triangles");
+        let bytes = packed.bytes();
+        assert_eq!(
+            (bytes.nodes, bytes.blocks),
+            (16, 320 * blocks),
+            "{triangles} triangles"
+        );
         for i in 0..triangles + 3 {
             let down = Ray::new([2.0 * i as f32 + 0.25, 0.25, 9.0], [0.0, 0.0, -1.0]);
             let hits = check("row", &mesh, [&subject], &down);

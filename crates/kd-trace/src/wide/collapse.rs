@@ -1,0 +1,191 @@
+//! Which nodes of a binary tree become wide nodes, and which leaves: dynamic programming over the surface area heuristic
+//! (after H. Ylitie, T. Karras, S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, 2017,
+//! section 3.2).
+//!
+//! For every subtree there is a least cost of making it into at most one, two … eight children of the wide node above it.
+//! As one child it is a leaf or a wide node, which gets eight; as more, its two parts share them.
+
+use super::node::WIDTH;
+use crate::triangle::LANES;
+
+/// Cost of a wide node that a ray visits.
+const NODE: f32 = 1.0;
+/// Cost of a block of triangles that a ray visits.
+const BLOCK: f32 = 0.5;
+/// Blocks that a leaf has at most, unless its triangles could not be divided.
+const MOST_BLOCKS: usize = 3;
+
+/// The least costs of a subtree as at most one child, two, and so on.
+pub(crate) type Costs = [f32; WIDTH];
+
+/// The best way to make a subtree into children.
+///
+/// ```text
+/// bits 0..21    for 2 to 8 children, how many of them the lower part gets, three bits each
+/// bits 21..28   for 2 to 8 children, whether one fewer is as good
+/// bit 28        whether a single child is a leaf
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Choice(u32);
+
+impl Choice {
+    const LEAF: u32 = 1 << 28;
+
+    /// How many of 2 to 8 children the lower part gets.
+    pub(crate) fn lower(self, children: usize) -> usize {
+        (self.0 >> (3 * (children - 2)) & 7) as usize
+    }
+
+    fn is_fewer_as_good(self, children: usize) -> bool {
+        self.0 >> (21 + children - 2) & 1 != 0
+    }
+
+    /// Whether it is a leaf, where it is a single child.
+    pub(crate) fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// How many children it takes to reach the cost of at most so many.
+    pub(crate) fn best(self, mut children: usize) -> usize {
+        while children > 1 && self.is_fewer_as_good(children) {
+            children -= 1;
+        }
+        children
+    }
+}
+
+fn leaf_cost(area: f32, triangles: usize) -> f32 {
+    area * BLOCK * triangles.div_ceil(LANES) as f32
+}
+
+/// A subtree that is a leaf, of this area.
+pub(crate) fn leaf(area: f32, triangles: usize) -> (Choice, Costs) {
+    let always_one = 0b111_1111 << 21;
+    (
+        Choice(Choice::LEAF | always_one),
+        [leaf_cost(area, triangles); WIDTH],
+    )
+}
+
+/// A subtree of this area and so many triangles, with the costs of its parts.
+pub(crate) fn split(area: f32, triangles: usize, parts: &[Costs; 2]) -> (Choice, Costs) {
+    let [lower, upper] = parts;
+    let mut choice = 0;
+    // With all children in use: index 0 is not.
+    let mut shared = [f32::INFINITY; WIDTH];
+    for children in 2..=WIDTH {
+        let mut best = (f32::INFINITY, 0);
+        for of_lower in 1..children {
+            let cost = lower[of_lower - 1] + upper[children - of_lower - 1];
+            if cost < best.0 {
+                best = (cost, of_lower);
+            }
+        }
+        shared[children - 1] = best.0;
+        // Costs that are not finite leave it at 0, which would be no part at all.
+        let of_lower = u32::try_from(best.1.max(1)).unwrap_or(1);
+        choice |= of_lower << (3 * (children - 2));
+    }
+    let mut costs = shared;
+    costs[0] = area * NODE + shared[WIDTH - 1];
+    let as_leaf = leaf_cost(area, triangles);
+    if as_leaf <= costs[0] && triangles <= MOST_BLOCKS * LANES {
+        costs[0] = as_leaf;
+        choice |= Choice::LEAF;
+    }
+    for children in 2..=WIDTH {
+        if costs[children - 2] <= shared[children - 1] {
+            costs[children - 1] = costs[children - 2];
+            choice |= 1 << (21 + children - 2);
+        }
+    }
+    (Choice(choice), costs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The least cost of a list of equal leaves in a balanced tree, tried in every way.
+    fn exhaustive(leaves: usize, children: usize, area: &dyn Fn(usize) -> f32) -> f32 {
+        let as_leaf = leaf_cost(area(leaves), 8 * leaves);
+        if leaves == 1 {
+            return as_leaf;
+        }
+        let half = leaves / 2;
+        let mut least = f32::INFINITY;
+        if children > 1 {
+            for lower in 1..children {
+                let cost = exhaustive(half, lower, area)
+                    + exhaustive(leaves - half, children - lower, area);
+                least = least.min(cost);
+            }
+        }
+        let as_node = (1..WIDTH)
+            .map(|lower| {
+                exhaustive(half, lower, area) + exhaustive(leaves - half, WIDTH - lower, area)
+            })
+            .fold(f32::INFINITY, f32::min);
+        least = least.min(area(leaves) * NODE + as_node);
+        if leaves <= MOST_BLOCKS {
+            least = least.min(as_leaf);
+        }
+        least
+    }
+
+    #[test]
+    fn costs_are_the_least_there_are() {
+        fn costs(leaves: usize, area: &dyn Fn(usize) -> f32) -> Costs {
+            if leaves == 1 {
+                return leaf(area(1), 8).1;
+            }
+            let parts = [costs(leaves / 2, area), costs(leaves - leaves / 2, area)];
+            split(area(leaves), 8 * leaves, &parts).1
+        }
+        for (name, area) in [
+            ("flat", &(|n: usize| n as f32) as &dyn Fn(usize) -> f32),
+            ("solid", &|n| (n as f32).powf(2.0 / 3.0)),
+            ("equal", &|_| 1.0),
+        ] {
+            for leaves in 1..=9 {
+                let found = costs(leaves, area);
+                for children in 1..=WIDTH {
+                    let expected = exhaustive(leaves, children, area);
+                    let cost = found[children - 1];
+                    assert!(
+                        (cost - expected).abs() <= 1e-5 * expected,
+                        "{name}, {leaves} leaves as {children} children: {cost}, not {expected}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn choices_add_up() {
+        let parts = [leaf(0.4, 8).1, leaf(0.5, 30).1];
+        let (choice, costs) = split(1.0, 38, &parts);
+        assert!(!choice.is_leaf(), "too many triangles");
+        for children in 2..=WIDTH {
+            let lower = choice.lower(children);
+            assert!(
+                (1..children).contains(&lower),
+                "each part gets some of {children}"
+            );
+            assert_eq!(choice.best(children), 2, "leaves need one each");
+        }
+        assert_eq!(costs[1], parts[0][0] + parts[1][0], "side by side");
+        let (choice, _) = split(1.0, 8, &[leaf(0.9, 4).1, leaf(0.9, 4).1]);
+        assert!(
+            choice.is_leaf() && choice.best(8) == 1,
+            "one block is cheaper than two"
+        );
+        let endless = split(
+            f32::INFINITY,
+            40,
+            &[[f32::INFINITY; WIDTH], [f32::NAN; WIDTH]],
+        )
+        .0;
+        assert_eq!(endless.lower(8), 1, "still each part gets some");
+    }
+}

@@ -1,0 +1,96 @@
+//! Children to visit later.
+#![allow(
+    unsafe_code,
+    reason = "memory that is written eight values at a time, and never cleared: that would take as long as a node"
+)]
+
+use std::mem::MaybeUninit;
+
+use super::MOST_LEVELS;
+use super::node::{Child, WIDTH};
+
+/// All but one of the children on each level of a path.
+const MOST: usize = MOST_LEVELS * (WIDTH - 1);
+
+/// Memory for [`Pending`].
+pub(crate) struct Stack {
+    enter: [MaybeUninit<f32>; MOST + WIDTH],
+    child: [MaybeUninit<Child>; MOST + WIDTH],
+}
+
+/// Children to visit, with where the ray enters their boxes; the next one last.
+pub(crate) struct Pending<'a> {
+    stack: &'a mut Stack,
+    /// Entries below it have been written. Apart from the memory, so that it stays in a register.
+    len: usize,
+}
+
+impl Stack {
+    #[inline(always)]
+    pub(crate) fn new() -> Self {
+        Self {
+            enter: [const { MaybeUninit::uninit() }; MOST + WIDTH],
+            child: [const { MaybeUninit::uninit() }; MOST + WIDTH],
+        }
+    }
+
+    /// No children.
+    #[inline(always)]
+    pub(crate) fn pending(&mut self) -> Pending<'_> {
+        Pending {
+            stack: self,
+            len: 0,
+        }
+    }
+}
+
+impl Pending<'_> {
+    #[inline(always)]
+    pub(crate) fn push(&mut self, enter: f32, child: Child) {
+        self.stack.enter[self.len].write(enter);
+        self.stack.child[self.len].write(child);
+        self.len += 1;
+    }
+
+    /// Room for eight more entries.
+    ///
+    /// # Panics
+    ///
+    /// If there is none left, in a tree deeper than any.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    pub(crate) fn room(&mut self) -> (*mut f32, *mut Child) {
+        assert!(self.len <= MOST, "a tree has at most {MOST_LEVELS} levels");
+        // SAFETY: `len` is within the array.
+        let enter = unsafe { self.stack.enter.as_mut_ptr().add(self.len) };
+        // SAFETY: the same.
+        let child = unsafe { self.stack.child.as_mut_ptr().add(self.len) };
+        (enter.cast(), child.cast())
+    }
+
+    /// Takes the first entries of the room for pushed.
+    ///
+    /// # Safety
+    ///
+    /// So many have been written, at most eight.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    pub(crate) unsafe fn grow(&mut self, count: usize) {
+        self.len += count;
+    }
+
+    /// The next child whose box the ray enters no later than at `limit`; others before it are dropped.
+    #[inline(always)]
+    pub(crate) fn pop(&mut self, limit: f32) -> Option<Child> {
+        while self.len > 0 {
+            self.len -= 1;
+            let (enter, child) = (self.stack.enter[self.len], self.stack.child[self.len]);
+            // SAFETY: entries below `len` have been written.
+            if unsafe { enter.assume_init() } <= limit {
+                // SAFETY: the same.
+                return Some(unsafe { child.assume_init() });
+            }
+        }
+        None
+    }
+}

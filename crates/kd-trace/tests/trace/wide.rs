@@ -1,0 +1,134 @@
+//! Wide nodes: leaves of every fullness, what cannot be divided, and that threads do not show.
+
+use glam::Vec3;
+use kd_core::Ray;
+use kd_sah::{BuildOptions, build};
+use kd_trace::WideTree;
+
+use crate::check::{Subject, check, source};
+use crate::rng::Rng;
+use crate::scenes::{Soup, moved, soup};
+
+/// So many triangles in one place, each a little further along z.
+fn pile(triangles: usize) -> kd_core::Mesh {
+    let mut pile = Soup::default();
+    for i in 0..triangles {
+        // A pile of pairs, so that there are equal distances too.
+        let z = (i / 2) as f32;
+        pile.triangle([
+            Vec3::new(-1.0, -1.0, z),
+            Vec3::new(1.0, -1.0, -z),
+            Vec3::new(0.0, 1.0, 0.0),
+        ]);
+    }
+    pile.mesh()
+}
+
+#[test]
+fn what_cannot_be_divided_is_dealt_out() {
+    // About the size of a leaf, of eight, and of more.
+    for triangles in [1, 7, 8, 9, 24, 25, 55, 56, 57, 64, 65, 449, 1030] {
+        let mesh = pile(triangles);
+        let tree = build(&mesh, &BuildOptions::best()).expect("valid");
+        let subject = Subject::new(&mesh, tree);
+        let mut rng = Rng(41);
+        for _ in 0..20 {
+            let target = Vec3::new(0.2 * rng.unit(), 0.2 * rng.unit(), 0.0);
+            let origin = target + Vec3::new(0.1 * rng.unit(), 0.0, -900.0);
+            let ray = Ray::new(origin, target - origin);
+            let hits = check("pile", &mesh, [&subject], &ray);
+            assert_eq!(hits, triangles, "{}", source(&ray));
+        }
+    }
+}
+
+#[test]
+fn directions_of_any_length_and_coordinates_of_any_size() {
+    for scale in [1e-30_f32, 1e-12, 1.0, 1e15, 1e30] {
+        let mesh = moved(&soup(), |p| p * scale);
+        let tree = build(&mesh, &BuildOptions::default()).expect("valid");
+        let subject = Subject::new(&mesh, tree);
+        let mut rng = Rng(42);
+        let mut hits = 0;
+        for length in [1e-44_f32, 1e-38, 1e-25, 1e-18, 1.0, 1e19, 1e25, 3e38] {
+            for _ in 0..40 {
+                let ray = Ray::new(scale * rng.vec3(), length * rng.direction());
+                hits += check("soup", &mesh, [&subject], &ray);
+            }
+        }
+        assert!(hits > 50, "{scale:e}: {hits}");
+    }
+}
+
+#[test]
+fn along_an_axis_and_past_its_end() {
+    let mesh = soup();
+    let tree = build(&mesh, &BuildOptions::default()).expect("valid");
+    let subject = Subject::new(&mesh, tree);
+    let mut rng = Rng(43);
+    let mut hits = 0;
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        for sign in [1.0, -1.0] {
+            for _ in 0..60 {
+                let ray = Ray::new(rng.vec3(), sign * axis);
+                hits += check("soup", &mesh, [&subject], &ray);
+                let negative_zeros = Ray::new(ray.origin, ray.direction + Vec3::splat(-0.0));
+                hits += check("soup", &mesh, [&subject], &negative_zeros);
+                let segment = ray.with_range(rng.unit(), 1.0 + rng.unit());
+                hits += check("soup", &mesh, [&subject], &segment);
+            }
+        }
+    }
+    assert!(hits > 200, "{hits} hits");
+}
+
+/// Enough triangles for several tasks, and planes above a cell of them.
+#[cfg(feature = "parallel")]
+#[test]
+fn threads_do_not_show() {
+    let mut field = Soup::default();
+    for i in 0..60_000_u16 {
+        let (x, y) = (f32::from(i % 250), f32::from(i / 250));
+        let z = f32::from(i % 13);
+        field.triangle([
+            Vec3::new(x, y, 0.0),
+            Vec3::new(x + 1.5, y, z),
+            Vec3::new(x, y + 0.5, z),
+        ]);
+    }
+    let mesh = field.mesh();
+    let tree = build(&mesh, &BuildOptions::fast()).expect("valid");
+    let (one, many) = (
+        WideTree::new(&tree, &mesh),
+        WideTree::new_parallel(&tree, &mesh),
+    );
+    assert!(one == many, "the same to the bit");
+    assert!(one.bytes().nodes > 256 * 1000, "{:?}", one.bytes());
+}
+
+#[test]
+fn steps_are_counted() {
+    let mesh = soup();
+    let tree = build(&mesh, &BuildOptions::default()).expect("valid");
+    let wide = WideTree::new(&tree, &mesh);
+    let mut rng = Rng(44);
+    for _ in 0..500 {
+        let ray = Ray::new(rng.vec3(), rng.direction());
+        let (hit, counts) = wide.intersect_counted(&ray);
+        assert_eq!(hit, wide.intersect(&ray), "{}", source(&ray));
+        assert!(
+            counts.leaves <= counts.blocks && counts.triangles <= 8 * counts.blocks,
+            "{counts:?}"
+        );
+        assert!(
+            hit.is_none() || counts.nodes > 0 && counts.decisions > 0,
+            "{counts:?}"
+        );
+        let (occluded, any) = wide.occluded_counted(&ray);
+        assert_eq!(occluded, hit.is_some(), "{}", source(&ray));
+        assert!(
+            any.nodes <= counts.nodes || hit.is_some(),
+            "{any:?} {counts:?}"
+        );
+    }
+}

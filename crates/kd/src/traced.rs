@@ -1,0 +1,87 @@
+//! What rays are traced through, in either layout.
+
+use kd_core::{Hit, Layout, Mesh, Ray, TracedBytes, Tree};
+use kd_trace::{Level, PackedTree, TraversalCounts, WideTree};
+
+/// A tree and its triangles, laid out for rays.
+#[derive(Clone, Debug)]
+pub(crate) enum Traced {
+    Binary(PackedTree),
+    Wide(WideTree),
+}
+
+impl Traced {
+    /// On the calling thread, or on those of the pool in scope.
+    pub(crate) fn new(tree: &Tree, mesh: &Mesh, layout: Layout, is_parallel: bool) -> Self {
+        #[cfg(feature = "parallel")]
+        if is_parallel {
+            return match layout {
+                Layout::Binary => Self::Binary(PackedTree::new_parallel(tree, mesh)),
+                _ => Self::Wide(WideTree::new_parallel(tree, mesh)),
+            };
+        }
+        let _ = is_parallel;
+        match layout {
+            Layout::Binary => Self::Binary(PackedTree::new(tree, mesh)),
+            _ => Self::Wide(WideTree::new(tree, mesh)),
+        }
+    }
+
+    pub(crate) fn layout(&self) -> Layout {
+        match self {
+            Self::Binary(_) => Layout::Binary,
+            Self::Wide(_) => Layout::Wide,
+        }
+    }
+
+    pub(crate) fn with_level(self, level: Level) -> Self {
+        match self {
+            Self::Binary(tree) => Self::Binary(tree.with_level(level)),
+            Self::Wide(tree) => Self::Wide(tree.with_level(level)),
+        }
+    }
+
+    pub(crate) fn bytes(&self) -> TracedBytes {
+        match self {
+            Self::Binary(tree) => tree.bytes(),
+            Self::Wide(tree) => tree.bytes(),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        match self {
+            Self::Binary(tree) => tree.intersect(ray),
+            Self::Wide(tree) => tree.intersect(ray),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn occluded(&self, ray: &Ray) -> bool {
+        match self {
+            Self::Binary(tree) => tree.occluded(ray),
+            Self::Wide(tree) => tree.occluded(ray),
+        }
+    }
+
+    pub(crate) fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        match self {
+            Self::Binary(tree) => tree.hits(ray, max, out),
+            Self::Wide(tree) => tree.hits(ray, max, out),
+        }
+    }
+
+    pub(crate) fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+        match self {
+            Self::Binary(tree) => tree.intersect_counted(ray),
+            Self::Wide(tree) => tree.intersect_counted(ray),
+        }
+    }
+
+    pub(crate) fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+        match self {
+            Self::Binary(tree) => tree.occluded_counted(ray),
+            Self::Wide(tree) => tree.occluded_counted(ray),
+        }
+    }
+}
