@@ -296,11 +296,15 @@ impl Structure for KdTree {
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.intersect_batch(rays, hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.intersect(ray);
+        }
     }
 
     fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        self.occluded_batch(rays, hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.occluded(ray);
+        }
     }
 
     fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)> {
