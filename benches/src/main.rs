@@ -14,6 +14,7 @@ mod check;
 mod cli;
 mod compare;
 mod environment;
+mod goals;
 mod measure;
 mod memory;
 mod native;
