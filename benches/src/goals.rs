@@ -153,7 +153,6 @@ pub(crate) fn geometric_mean(values: &[f64]) -> f64 {
     (logarithms / values.len() as f64).exp()
 }
 
-#[cfg(test)]
 pub(crate) fn arithmetic_mean(values: &[f64]) -> f64 {
     sum(values) / values.len() as f64
 }
@@ -162,7 +161,6 @@ pub(crate) fn sum(values: &[f64]) -> f64 {
     values.iter().sum()
 }
 
-#[cfg(test)]
 pub(crate) fn minimum(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
