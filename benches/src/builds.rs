@@ -15,7 +15,6 @@ use crate::run_folder::{self, RunFolder};
 use crate::{peers, scenes};
 
 use figures::{Figures, Settings};
-use table::Table;
 
 /// The scenes that the goals are set for, in a folder of meshes.
 const SCENES: [&str; 6] = [
@@ -80,7 +79,7 @@ pub(crate) fn run(arguments: &BuildsArgs) -> anyhow::Result<bool> {
         eprintln!("{}", source.name);
         measured.push(Figures::measure(source, &settings)?);
     }
-    let table = Table::of(&measured);
+    let table = table::of(&measured);
     println!("{table}");
     println!(
         "medians of {} pairs for each scene, and their geometric mean; ours and what it is compared with run in turn",

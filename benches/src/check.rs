@@ -8,6 +8,11 @@ use crate::record::hash_of_ids;
 /// How far a rival's `t` may be off, as a part of it.
 const T_TOLERANCE: f32 = 1e-3;
 
+/// Whether a rival's `t` is ours, as far as [`T_TOLERANCE`] goes.
+pub(crate) fn are_close(ours: f32, theirs: f32) -> bool {
+    (ours - theirs).abs() <= T_TOLERANCE * ours.abs()
+}
+
 /// What a structure said about a list of rays.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Answers {
@@ -67,7 +72,7 @@ impl Answers {
     /// or miss, and for closest hits `t` within [`T_TOLERANCE`].
     pub(crate) fn disagreements(&self, rival: &Self) -> Vec<usize> {
         let agree = |ours: &Option<Hit>, theirs: &Option<Hit>| match (ours, theirs) {
-            (Some(a), Some(b)) => (a.t - b.t).abs() <= T_TOLERANCE * a.t.abs(),
+            (Some(a), Some(b)) => are_close(a.t, b.t),
             (None, None) => true,
             _ => false,
         };

@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::builds::BuildsArgs;
 use crate::calibrate::CalibrateArgs;
+use crate::ray_speeds::RaysArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
 
@@ -24,6 +25,8 @@ pub(crate) enum Command {
     Bench(Box<BenchArgs>),
     /// Print what our presets cost to build and are worth, over Embree's builds and over each other, with the goals
     Builds(BuildsArgs),
+    /// Print how fast our default tree answers rays, over rivals, with the goals
+    Rays(RaysArgs),
     /// Write the HTML report of a recorded run again
     Report {
         /// A folder that `bench` wrote, for example target/bench/latest

@@ -1,7 +1,7 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | report | calibrate | compare`.
+//! Started by `cargo xtask bench | builds | rays | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -14,12 +14,14 @@ mod check;
 mod cli;
 mod compare;
 mod environment;
+mod goals;
 mod measure;
 mod memory;
 mod native;
 mod peers;
 mod picture;
 mod plots;
+mod ray_speeds;
 mod rays;
 mod record;
 mod report;
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Builds(arguments) => builds::run(&arguments),
+        Command::Rays(arguments) => ray_speeds::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Compare { before, after } => compare::run(&before, &after),

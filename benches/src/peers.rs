@@ -18,7 +18,7 @@ mod rust;
 
 use kd::Mesh;
 
-use crate::structure::{Built, Variant};
+use crate::structure::{Built, OrderedHits, Variant};
 
 /// Whether rivals can be measured; what to do about it if not.
 #[cfg(feature = "peers")]
@@ -55,6 +55,12 @@ pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Re
     }
 }
 
+/// Builds what a rival has for several hits of a ray: Embree's medium BVH, with a filter that keeps the nearest.
+#[cfg(feature = "peers")]
+pub(crate) fn ordered_hits(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dyn OrderedHits>> {
+    embree::ordered_hits(mesh, threads)
+}
+
 /// Of a structure that does not show what it is like: all 0 but its size.
 #[cfg(feature = "peers")]
 fn shape_of(bytes_total: usize) -> crate::structure::Shape {
@@ -74,6 +80,12 @@ fn shape_of(bytes_total: usize) -> crate::structure::Shape {
 /// There are no rivals to build.
 #[cfg(not(feature = "peers"))]
 pub(crate) fn build(_: Variant, _: &Mesh, _: usize) -> anyhow::Result<Built> {
+    Err(refusal())
+}
+
+/// There are no rivals to build.
+#[cfg(not(feature = "peers"))]
+pub(crate) fn ordered_hits(_: &Mesh, _: usize) -> anyhow::Result<Box<dyn OrderedHits>> {
     Err(refusal())
 }
 

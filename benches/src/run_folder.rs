@@ -67,6 +67,11 @@ impl RunFolder {
         self.path.join("builds.jsonl")
     }
 
+    /// The rows of the table of rays.
+    pub(crate) fn ray_table(&self) -> PathBuf {
+        self.path.join("rays.jsonl")
+    }
+
     /// How build times grow with the mesh.
     pub(crate) fn growth_plot(&self) -> PathBuf {
         self.path.join("growth.svg")

@@ -152,7 +152,7 @@ fn generated(smoke: bool) -> Vec<SceneSource> {
 }
 
 /// The mesh files that lie directly in a folder, by name.
-fn in_folder(folder: &Path) -> anyhow::Result<Vec<SceneSource>> {
+pub(crate) fn in_folder(folder: &Path) -> anyhow::Result<Vec<SceneSource>> {
     let mut views = views_of(folder)?;
     let entries = fs::read_dir(folder)
         .and_then(Iterator::collect::<Result<Vec<_>, _>>)

@@ -286,6 +286,28 @@ pub(crate) trait Structure: Send + Sync {
     fn flaw(&self) -> Option<String>;
 }
 
+/// How many hits of a ray [`OrderedHits`] tells.
+pub(crate) const FIRST: usize = 4;
+
+/// Where a ray meets its first hits, in order; ∞ for each that there is not.
+pub(crate) type Distances = [f32; FIRST];
+
+/// What can tell several hits of a ray.
+pub(crate) trait OrderedHits: Send + Sync {
+    /// The first hits of each ray.
+    fn first(&self, rays: &[Ray], distances: &mut [Distances]);
+}
+
+/// Those of at most [`FIRST`] hits.
+#[inline]
+pub(crate) fn distances_of(hits: &[Hit]) -> Distances {
+    let mut distances = [f32::INFINITY; FIRST];
+    for (distance, hit) in distances.iter_mut().zip(hits) {
+        *distance = hit.t;
+    }
+    distances
+}
+
 /// What a structure looks like.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
@@ -308,11 +330,15 @@ impl Structure for KdTree {
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.intersect_batch(rays, hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.intersect(ray);
+        }
     }
 
     fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        self.occluded_batch(rays, hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.occluded(ray);
+        }
     }
 
     fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)> {

@@ -189,3 +189,34 @@ fn the_table_of_builds_has_goals_and_growth() {
         "{rows}"
     );
 }
+
+#[cfg(feature = "peers")]
+#[test]
+fn the_table_of_rays_has_goals_and_says_where_embree_differs() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (runs, file) = (out.path().join("runs"), out.path().join("rows.jsonl"));
+    let (runs, file) = (runs.display().to_string(), file.display().to_string());
+    let call = [
+        ["rays", "--smoke", "--scene", "tetra,jacks"].as_slice(),
+        &["--samples", "1", "--ray-limit", "512"],
+        &["--out", &runs, "--json", &file],
+    ];
+    let Some(printed) = with_rivals(&call.concat()) else {
+        return;
+    };
+    for part in [
+        "tetra-4",
+        "≥ 1.3",
+        "first 4 hits / Embree with a filter",
+        "Embree sees differently: tetra-4 ",
+        "rays.jsonl",
+    ] {
+        assert!(printed.contains(part), "{part} in\n{printed}");
+    }
+    let rows = fs::read_to_string(file).expect("written");
+    let batches = rows.lines().find(|row| row.contains("ao batch"));
+    assert!(
+        batches.is_some_and(|row| row.contains("\"met\":null")),
+        "no scene is large: {rows}"
+    );
+}

@@ -38,6 +38,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("builds", arguments),
     },
     Command {
+        name: "rays",
+        arguments: "[OPTIONS]",
+        help: "print how fast the default tree answers rays, over rivals (`rays --help` lists the options)",
+        run: |arguments| bench::with_rivals("rays", arguments),
+    },
+    Command {
         name: "report",
         arguments: "RUN",
         help: "write the HTML report of a recorded run",

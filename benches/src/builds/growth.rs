@@ -8,7 +8,7 @@ use kd_scene::Spd;
 use serde_json::json;
 
 use super::figures::{PRESETS, Settings};
-use super::table::geometric_mean;
+use crate::goals::geometric_mean;
 use crate::plots::LinePlot;
 use crate::structure::BuilderName;
 use crate::terminal;

@@ -1,15 +1,18 @@
-//! Embree as something to measure: one ray at a time, and in packets of eight.
+//! Embree as something to measure: one ray at a time, in packets of eight, and for several hits of a ray.
 
 use std::time::Instant;
 
 use kd::{Hit, Mesh, Ray};
 
 use super::embree_api::{
-    Input, NOTHING, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8, Scene,
+    FirstHits, Hit1, Input, NOTHING, Purpose, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8,
+    Scene,
 };
 use super::shape_of;
 use crate::record::Steps;
-use crate::structure::{BuilderName, Built, Shape, Structure, StructureName};
+use crate::structure::{
+    BuilderName, Built, Distances, OrderedHits, Shape, Structure, StructureName, distances_of,
+};
 
 /// An Embree scene, and how it is asked.
 #[derive(Debug)]
@@ -31,8 +34,11 @@ pub(super) fn build(
         BuilderName::High => Quality::High,
         _ => Quality::Medium,
     };
-    let robust = structure == StructureName::EmbreeRobust;
-    let input = Input::new(mesh, quality, robust, threads)?;
+    let purpose = match structure {
+        StructureName::EmbreeRobust => Purpose::Robust,
+        _ => Purpose::Usual,
+    };
+    let input = Input::new(mesh, quality, purpose, threads)?;
     let start = Instant::now();
     let scene = input.commit()?;
     Ok(Built {
@@ -43,6 +49,26 @@ pub(super) fn build(
             packets: structure == StructureName::Embree8,
         }),
     })
+}
+
+/// An Embree scene that is asked for several hits of a ray.
+#[derive(Debug)]
+struct Filtered(Scene);
+
+/// Builds a scene as [`BuilderName::Medium`] does, whose hits can be filtered.
+pub(super) fn ordered_hits(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dyn OrderedHits>> {
+    let input = Input::new(mesh, Quality::Medium, Purpose::Filtered, threads)?;
+    Ok(Box::new(Filtered(input.commit()?)))
+}
+
+impl OrderedHits for Filtered {
+    fn first(&self, rays: &[Ray], distances: &mut [Distances]) {
+        let Self(scene) = self;
+        let mut found = FirstHits::none();
+        for (ray, distances) in rays.iter().zip(distances) {
+            *distances = distances_of(scene.first_hits(&mut found, &mut with_room_for_hit(ray)));
+        }
+    }
 }
 
 impl Structure for Embree {
@@ -123,22 +149,25 @@ fn single_of(ray: &Ray) -> Ray1 {
 fn with_room_for_hit(ray: &Ray) -> RayHit1 {
     RayHit1 {
         ray: single_of(ray),
-        normal: [0.0; 3],
-        u: 0.0,
-        v: 0.0,
-        triangle: NOTHING,
-        geometry: NOTHING,
-        instance: NOTHING,
+        hit: Hit1 {
+            normal: [0.0; 3],
+            u: 0.0,
+            v: 0.0,
+            triangle: NOTHING,
+            geometry: NOTHING,
+            instance: NOTHING,
+        },
     }
 }
 
 #[inline]
 fn hit_of(traced: &RayHit1) -> Option<Hit> {
-    (traced.geometry != NOTHING).then_some(Hit {
-        t: traced.ray.t_max,
-        u: traced.u,
-        v: traced.v,
-        triangle: traced.triangle,
+    let RayHit1 { ray, hit } = traced;
+    (hit.geometry != NOTHING).then_some(Hit {
+        t: ray.t_max,
+        u: hit.u,
+        v: hit.v,
+        triangle: hit.triangle,
     })
 }
 

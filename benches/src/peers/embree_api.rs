@@ -17,8 +17,10 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicIsize, Ordering};
 
 use anyhow::Context as _;
-use kd::Mesh;
+use kd::{Hit, Mesh};
 use libloading::Library;
+
+use crate::structure::FIRST;
 
 /// What Embree writes where there is no triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
@@ -28,7 +30,6 @@ const INDEX_BUFFER: c_int = 0;
 const VERTEX_BUFFER: c_int = 1;
 const THREE_UINTS: c_int = 0x5003;
 const THREE_FLOATS: c_int = 0x9003;
-const FLAG_ROBUST: c_int = 1 << 2;
 
 /// How much work a build is worth to Embree.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,16 @@ pub(super) enum Quality {
     Medium = 1,
     /// The same with spatial splits
     High = 2,
+}
+
+/// What a scene is made for: `RTCSceneFlags`.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Purpose {
+    Usual = 0,
+    /// Rays through edges hit
+    Robust = 1 << 2,
+    /// Contexts may filter hits
+    Filtered = 1 << 3,
 }
 
 /// A device, a scene or a geometry.
@@ -59,17 +70,24 @@ pub(super) struct Ray1 {
     pub(super) flags: u32,
 }
 
-/// `RTCRayHit`.
+/// `RTCHit`, but for its alignment: that which a filter gets need not have it.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
-pub(super) struct RayHit1 {
-    pub(super) ray: Ray1,
+#[repr(C)]
+pub(super) struct Hit1 {
     pub(super) normal: [f32; 3],
     pub(super) u: f32,
     pub(super) v: f32,
     pub(super) triangle: u32,
     pub(super) geometry: u32,
     pub(super) instance: u32,
+}
+
+/// `RTCRayHit`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(super) struct RayHit1 {
+    pub(super) ray: Ray1,
+    pub(super) hit: Hit1,
 }
 
 /// `RTCRay8`: as [`Ray1`], each field for eight rays.
@@ -105,7 +123,7 @@ pub(super) struct RayHit8 {
 pub(super) struct QueryContext {
     /// 1 for coherent rays.
     flags: c_int,
-    filter: *const c_void,
+    filter: Option<Filter>,
     instance: [u32; 1],
 }
 
@@ -114,9 +132,101 @@ impl QueryContext {
     pub(super) fn new(coherent: bool) -> Self {
         Self {
             flags: c_int::from(coherent),
-            filter: ptr::null(),
+            filter: None,
             instance: [NOTHING],
         }
+    }
+}
+
+/// `RTCFilterFunctionN`.
+type Filter = unsafe extern "C" fn(*const FilterArguments);
+
+/// `RTCFilterFunctionNArguments`, for one ray.
+#[derive(Debug)]
+#[repr(C)]
+struct FilterArguments {
+    /// To be set to 0 where the hit does not count.
+    valid: *mut c_int,
+    _geometry_data: *mut c_void,
+    context: *mut QueryContext,
+    /// It ends at the hit.
+    ray: *mut Ray1,
+    hit: *const Hit1,
+    _rays: c_uint,
+}
+
+/// The context of a query for the first hits of a ray, and what it has found.
+#[derive(Debug)]
+#[repr(C)]
+pub(super) struct FirstHits {
+    /// In front, so that a pointer to it is one to the whole.
+    context: QueryContext,
+    /// In order, as many as `count` says.
+    nearest: [Hit; FIRST],
+    count: usize,
+}
+
+impl FirstHits {
+    pub(super) fn none() -> Self {
+        let nothing = Hit {
+            t: f32::INFINITY,
+            u: 0.0,
+            v: 0.0,
+            triangle: NOTHING,
+        };
+        let mut context = QueryContext::new(false);
+        context.filter = Some(keep_first);
+        Self {
+            context,
+            nearest: [nothing; FIRST],
+            count: 0,
+        }
+    }
+
+    /// Puts a hit in its place, if it is among the nearest so far.
+    #[inline]
+    fn insert(&mut self, hit: Hit) {
+        if self.count < FIRST {
+            self.count += 1;
+        } else if !hit.is_before(&self.nearest[FIRST - 1]) {
+            return;
+        }
+        let mut place = self.count - 1;
+        while place > 0 && hit.is_before(&self.nearest[place - 1]) {
+            self.nearest[place] = self.nearest[place - 1];
+            place -= 1;
+        }
+        self.nearest[place] = hit;
+    }
+}
+
+/// Notes a hit. While there is room for more it does not count, so that the ray goes on as far as before; from then on
+/// it does, and the ray ends at the last of those noted: where a hit does not count, Embree sets the ray's end back.
+///
+/// # Safety
+///
+/// For Embree to call with one ray, in a query whose context is the front of a [`FirstHits`].
+unsafe extern "C" fn keep_first(arguments: *const FilterArguments) {
+    // SAFETY: Embree keeps its arguments through the call and does not change them.
+    let arguments = unsafe { &*arguments };
+    // SAFETY: the caller promises that this is the context in a whole `FirstHits`, through a pointer to which it came;
+    // nobody else uses it before the query ends.
+    let found = unsafe { &mut *arguments.context.cast::<FirstHits>() };
+    // SAFETY: this is the ray of the query, which Embree leaves alone through the call.
+    let ray = unsafe { &mut *arguments.ray };
+    // SAFETY: this is a hit with the fields of `Hit1`, each aligned.
+    let hit = unsafe { &*arguments.hit };
+    found.insert(Hit {
+        t: ray.t_max,
+        u: hit.u,
+        v: hit.v,
+        triangle: hit.triangle,
+    });
+    if found.count == FIRST {
+        ray.t_max = found.nearest[FIRST - 1].t;
+    } else {
+        // SAFETY: there is one number for the one ray, to be written here.
+        unsafe { *arguments.valid = 0 };
     }
 }
 
@@ -258,7 +368,7 @@ impl Input {
     pub(super) fn new(
         mesh: &Mesh,
         quality: Quality,
-        robust: bool,
+        purpose: Purpose,
         threads: usize,
     ) -> anyhow::Result<Self> {
         let functions = functions()?;
@@ -278,7 +388,7 @@ impl Input {
         // SAFETY: the scene is valid, and the quality one of its enumeration.
         unsafe { (functions.set_scene_quality)(scene, quality as c_int) };
         // SAFETY: the scene is valid, and the flags are of its enumeration.
-        unsafe { (functions.set_scene_flags)(scene, if robust { FLAG_ROBUST } else { 0 }) };
+        unsafe { (functions.set_scene_flags)(scene, purpose as c_int) };
         handles.attach(mesh, quality)?;
         handles.check()?;
         Ok(Self(handles))
@@ -373,6 +483,18 @@ impl Scene {
         unsafe { (functions.intersect1)(scene, context, ray) }
     }
 
+    /// The first hits of one ray; none in a scene that is not [`Purpose::Filtered`].
+    #[inline]
+    pub(super) fn first_hits<'a>(&self, found: &'a mut FirstHits, ray: &mut RayHit1) -> &'a [Hit] {
+        let Handles {
+            functions, scene, ..
+        } = self.handles;
+        found.count = 0;
+        // SAFETY: as for `intersect1`; the pointer is to all that the filter of the context takes it for.
+        unsafe { (functions.intersect1)(scene, ptr::from_mut(found).cast(), ray) };
+        &found.nearest[..found.count]
+    }
+
     /// Whether one ray hits anything.
     #[inline]
     pub(super) fn occluded1(&self, context: &mut QueryContext, ray: &mut Ray1) {
@@ -406,6 +528,8 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
+    use std::mem::offset_of;
+
     use super::*;
 
     #[test]
@@ -426,10 +550,40 @@ mod tests {
     fn layouts_are_those_of_the_headers() {
         let sizes = [
             size_of::<Ray1>(),
+            size_of::<Hit1>(),
             size_of::<RayHit1>(),
             size_of::<Ray8>(),
             size_of::<RayHit8>(),
         ];
-        assert_eq!(sizes, [48, 80, 384, 640], "bytes");
+        assert_eq!(sizes, [48, 32, 80, 384, 640], "bytes");
+        if cfg!(target_pointer_width = "64") {
+            let sizes = [size_of::<QueryContext>(), size_of::<FilterArguments>()];
+            assert_eq!(sizes, [24, 48], "bytes");
+        }
+        assert_eq!(offset_of!(FirstHits, context), 0, "in front");
+    }
+
+    #[test]
+    fn the_nearest_of_many_hits_are_kept_in_order() {
+        let mut found = FirstHits::none();
+        let mut noted = |distances: &[f32]| {
+            for (triangle, t) in (0..).zip(distances) {
+                found.insert(Hit {
+                    t: *t,
+                    u: 0.0,
+                    v: 0.0,
+                    triangle,
+                });
+            }
+            let kept = &found.nearest[..found.count];
+            kept.iter().map(|hit| hit.t).collect::<Vec<_>>()
+        };
+        assert_eq!(noted(&[3.0, 1.0]), [1.0, 3.0], "room for more");
+        assert_eq!(
+            noted(&[9.0, 2.0, 8.0]),
+            [1.0, 2.0, 3.0, 8.0],
+            "9 is too far"
+        );
+        assert_eq!(noted(&[8.5, 0.5]), [0.5, 1.0, 2.0, 3.0], "8 makes room");
     }
 }
