@@ -5,6 +5,7 @@
 //!         divide     collapse                     emit
 //! ```
 
+mod arrays;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 mod box_tree;
@@ -20,13 +21,12 @@ pub(crate) mod walk;
 use kd_core::{Hit, Mesh, Ray, TracedBytes, Tree};
 
 use crate::Level;
-use crate::block::Block;
 use crate::collect::{Any, Closest, Ordered};
 use crate::planes::Frame;
 use crate::probe::TraversalCounts;
+use arrays::Arrays;
 use box_tree::{BoxTree, Item};
 use divide::{Divider, MOST_LEVELS};
-use node::{Child, WideNode};
 
 /// Cells of more triangles are divided by the planes of the kd-tree, others as objects: see [`divide`].
 const PLANES_ABOVE: usize = 1024;
@@ -40,9 +40,7 @@ const PLANES_ABOVE: usize = 1024;
 /// Memory: 256 bytes a node and 320 bytes a block, together 60 to 75 bytes a triangle in the scenes that it was measured on.
 #[derive(Clone, Debug)]
 pub struct WideTree {
-    nodes: Vec<WideNode>,
-    blocks: Vec<Block>,
-    root: Child,
+    arrays: Arrays,
     frame: Frame,
     level: Level,
 }
@@ -83,9 +81,7 @@ impl WideTree {
         let boxes = boxes_of(tree, mesh, planes_above, is_parallel);
         let (nodes, blocks, root) = emit::emit(&boxes, mesh, is_parallel);
         Self {
-            nodes,
-            blocks,
-            root,
+            arrays: Arrays::new(nodes, blocks, root),
             frame: Frame::new(&tree.bounds()),
             level: Level::detect(),
         }
@@ -102,6 +98,12 @@ impl WideTree {
         self.level
     }
 
+    #[inline(always)]
+    pub(crate) fn arrays(&self) -> &Arrays {
+        &self.arrays
+    }
+
+    #[inline(always)]
     pub(crate) fn frame(&self) -> &Frame {
         &self.frame
     }
@@ -109,8 +111,8 @@ impl WideTree {
     /// Bytes of nodes and of blocks.
     pub fn bytes(&self) -> TracedBytes {
         TracedBytes {
-            nodes: size_of_val(self.nodes.as_slice()),
-            blocks: size_of_val(self.blocks.as_slice()),
+            nodes: size_of_val(self.arrays.nodes()),
+            blocks: size_of_val(self.arrays.blocks()),
         }
     }
 
@@ -156,15 +158,10 @@ impl WideTree {
     }
 }
 
-/// The same bytes, whatever the levels.
+/// The same nodes and blocks to the bit, at whatever levels they are traced.
 impl PartialEq for WideTree {
     fn eq(&self, other: &Self) -> bool {
-        fn bytes<T: bytemuck::Pod>(of: &[T]) -> &[u8] {
-            bytemuck::cast_slice(of)
-        }
-        self.root == other.root
-            && bytes(&self.nodes) == bytes(&other.nodes)
-            && bytes(&self.blocks) == bytes(&other.blocks)
+        self.arrays == other.arrays
     }
 }
 

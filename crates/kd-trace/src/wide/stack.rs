@@ -3,6 +3,10 @@
     unsafe_code,
     reason = "memory that is written eight values at a time, and never cleared: that would take as long as a node"
 )]
+#![allow(
+    clippy::multiple_unsafe_ops_per_block,
+    reason = "to read an entry is two: that it is there, and that it was written"
+)]
 
 use std::mem::MaybeUninit;
 
@@ -84,11 +88,12 @@ impl Pending<'_> {
     pub(crate) fn pop(&mut self, limit: f32) -> Option<Child> {
         while self.len > 0 {
             self.len -= 1;
-            let (enter, child) = (self.stack.enter[self.len], self.stack.child[self.len]);
-            // SAFETY: entries below `len` have been written.
-            if unsafe { enter.assume_init() } <= limit {
+            // SAFETY: entries below `len` have been written, so there are that many.
+            let enter = unsafe { self.stack.enter.get_unchecked(self.len).assume_init() };
+            if enter <= limit {
                 // SAFETY: the same.
-                return Some(unsafe { child.assume_init() });
+                let child = unsafe { self.stack.child.get_unchecked(self.len).assume_init() };
+                return Some(child);
             }
         }
         None

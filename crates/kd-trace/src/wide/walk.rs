@@ -4,6 +4,10 @@
 //! nearer is told by the planes that the node was made from and the signs of the direction, as in a binary tree, and not
 //! by sorting distances: each node has the order of its children for every octant of directions (V. Fuetterling,
 //! C. Lojewski, F.-J. Pfreundt, B. Hamann, A. Ebert, *Accelerated Single Ray Tracing for Wide Vector Units*, 2017).
+#![allow(
+    unsafe_code,
+    reason = "children are followed without checking them again: see `arrays`"
+)]
 
 use std::ops::ControlFlow;
 
@@ -52,10 +56,12 @@ pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
     let mut pending = stack.pending();
     let end = ray.end();
     let mut limit = end;
-    let mut child = tree.root;
+    let arrays = tree.arrays();
+    let mut child = arrays.root();
     loop {
         if child.is_leaf() {
-            let blocks = &tree.blocks[child.blocks()];
+            // SAFETY: a leaf that is the root, or came out of a node.
+            let blocks = unsafe { arrays.leaf(child) };
             probe.leaf(blocks.iter().map(Block::count).sum());
             if ray.visit(blocks, limit, collector, probe).is_break() {
                 return;
@@ -63,7 +69,9 @@ pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
             limit = min(ray.steps(collector.limit()), end);
         } else {
             probe.node();
-            if let Some(next) = ray.enter(&tree.nodes[child.index()], limit, &mut pending) {
+            // SAFETY: no leaf, but the root, or what came out of a node.
+            let node = unsafe { arrays.node(child) };
+            if let Some(next) = ray.enter(node, limit, &mut pending) {
                 child = next;
                 continue;
             }

@@ -1,0 +1,117 @@
+//! Nodes and blocks that refer to each other, checked once.
+#![allow(
+    unsafe_code,
+    reason = "rays follow indices that were checked when the arrays were put together; checking them again takes a twentieth \
+              of a ray's time"
+)]
+
+use super::node::{Child, WideNode};
+use crate::block::Block;
+
+/// All nodes and blocks of a tree: every child of a node, and the root, is one of its nodes or lies within its blocks.
+#[derive(Clone, Debug)]
+pub(crate) struct Arrays {
+    nodes: Vec<WideNode>,
+    blocks: Vec<Block>,
+    root: Child,
+}
+
+impl Arrays {
+    /// # Panics
+    ///
+    /// If a child is not there.
+    pub(crate) fn new(nodes: Vec<WideNode>, blocks: Vec<Block>, root: Child) -> Self {
+        let is_there = |child: Child| {
+            if child.is_leaf() {
+                child.blocks().end <= blocks.len()
+            } else {
+                child.index() < nodes.len()
+            }
+        };
+        let children = nodes.iter().flat_map(|node| node.children);
+        assert!(
+            is_there(root) && children.into_iter().all(is_there),
+            "every child is a node or blocks of the same tree"
+        );
+        Self {
+            nodes,
+            blocks,
+            root,
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn root(&self) -> Child {
+        self.root
+    }
+
+    pub(crate) fn nodes(&self) -> &[WideNode] {
+        &self.nodes
+    }
+
+    pub(crate) fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// A child that is a node.
+    ///
+    /// # Safety
+    ///
+    /// It is the root or a child of a node of these arrays, and not a leaf.
+    #[inline(always)]
+    pub(crate) unsafe fn node(&self, child: Child) -> &WideNode {
+        debug_assert!(!child.is_leaf(), "a node");
+        // SAFETY: it is among those that were checked.
+        unsafe { self.nodes.get_unchecked(child.index()) }
+    }
+
+    /// The blocks of a child that is a leaf.
+    ///
+    /// # Safety
+    ///
+    /// It is the root or a child of a node of these arrays, and a leaf.
+    #[inline(always)]
+    pub(crate) unsafe fn leaf(&self, child: Child) -> &[Block] {
+        debug_assert!(child.is_leaf(), "a leaf");
+        // SAFETY: it is among those that were checked.
+        unsafe { self.blocks.get_unchecked(child.blocks()) }
+    }
+}
+
+/// The same bytes: padding is NaN, which is equal to nothing.
+impl PartialEq for Arrays {
+    fn eq(&self, other: &Self) -> bool {
+        fn bytes<T: bytemuck::Pod>(of: &[T]) -> &[u8] {
+            bytemuck::cast_slice(of)
+        }
+        self.root == other.root
+            && bytes(&self.nodes) == bytes(&other.nodes)
+            && bytes(&self.blocks) == bytes(&other.blocks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[should_panic(expected = "every child is a node or blocks of the same tree")]
+    fn children_that_are_not_there_are_refused() {
+        let mut node = WideNode::EMPTY;
+        node.children[3] = Child::leaf(0, 2);
+        Arrays::new(vec![node], vec![Block::EMPTY], Child::node(0));
+    }
+
+    #[test]
+    fn children_that_are_there_are_not() {
+        let mut node = WideNode::EMPTY;
+        node.children[3] = Child::leaf(0, 1);
+        node.children[4] = Child::node(0);
+        let arrays = Arrays::new(vec![node], vec![Block::EMPTY], Child::node(0));
+        assert_eq!(
+            (arrays.nodes().len(), arrays.blocks().len()),
+            (1, 1),
+            "kept"
+        );
+    }
+}
