@@ -147,7 +147,7 @@ fn rival(structure: StructureName, mesh: &Arc<Mesh>) -> anyhow::Result<Box<dyn S
 
 fn bytes_per_triangle(tree: &KdTree, mesh: &Mesh) -> f64 {
     let stats = tree.stats();
-    let bytes = stats.node_bytes + stats.reference_bytes + stats.packed_bytes.unwrap_or(0);
+    let bytes = stats.bytes_kept();
     bytes as f64 / mesh.len().max(1) as f64
 }
 

@@ -96,6 +96,38 @@ impl Level {
             Instructions::Avx2 => unsafe { walk_wide_avx2(tree, ray, collector, probe) },
         }
     }
+
+    /// The walks of many rays, each with a collector of its own, which `take` gets.
+    ///
+    /// One function for all: nothing is set up between two rays but the next one.
+    pub(crate) fn walk_each_wide<C: Collect + Default>(
+        self,
+        tree: &WideTree,
+        rays: &[Ray],
+        take: impl FnMut(usize, C),
+    ) {
+        match self.0 {
+            Instructions::Portable => {
+                let prepare = |ray: &Ray| PortableRay::new(ray, tree.frame());
+                wide::walk::walk_each(tree, rays, prepare, take);
+            }
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `detect` alone makes this value, and only where the processor has all of these.
+            Instructions::Avx2 => unsafe { walk_each_wide_avx2(tree, rays, take) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn walk_each_wide_avx2<C: Collect + Default>(
+    tree: &WideTree,
+    rays: &[Ray],
+    take: impl FnMut(usize, C),
+) {
+    // SAFETY: this function may be called only where there are AVX2 and FMA.
+    let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };
+    wide::walk::walk_each(tree, rays, prepare, take);
 }
 
 #[cfg(target_arch = "x86_64")]

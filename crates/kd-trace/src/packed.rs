@@ -142,6 +142,30 @@ impl PackedTree {
         }
     }
 
+    /// [`intersect`](Self::intersect) for many rays, one after the other.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.intersect(ray);
+        }
+    }
+
+    /// [`occluded`](Self::occluded) for many rays, one after the other.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        for (ray, occluded) in rays.iter().zip(occluded) {
+            *occluded = self.occluded(ray);
+        }
+    }
+
     /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
     pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();

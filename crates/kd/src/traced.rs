@@ -71,6 +71,20 @@ impl Traced {
         }
     }
 
+    pub(crate) fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        match self {
+            Self::Binary(tree) => tree.intersect_batch(rays, hits),
+            Self::Wide(tree) => tree.intersect_batch(rays, hits),
+        }
+    }
+
+    pub(crate) fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+        match self {
+            Self::Binary(tree) => tree.occluded_batch(rays, occluded),
+            Self::Wide(tree) => tree.occluded_batch(rays, occluded),
+        }
+    }
+
     pub(crate) fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         match self {
             Self::Binary(tree) => tree.intersect_counted(ray),

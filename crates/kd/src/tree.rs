@@ -174,28 +174,22 @@ impl KdTree {
         self.traced.hits(ray, max, out);
     }
 
-    /// The closest hit of each ray, equal to single calls. Today it is a loop over them.
+    /// The closest hit of each ray, equal to single calls.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.intersect(ray);
-        }
+        self.traced.intersect_batch(rays, hits);
     }
 
-    /// Whether each ray hits anything, equal to single calls. Today it is a loop over them.
+    /// Whether each ray hits anything, equal to single calls.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.occluded(ray);
-        }
+        self.traced.occluded_batch(rays, occluded);
     }
 
     /// [`intersect`](Self::intersect), and what it took: for heat maps and for finding what limits speed.

@@ -11,6 +11,8 @@
 
 use std::ops::ControlFlow;
 
+use kd_core::Ray;
+
 use super::WideTree;
 use super::node::{Child, WideNode};
 use super::stack::{Pending, Stack};
@@ -40,6 +42,23 @@ pub(crate) trait WideRay {
         collector: &mut C,
         probe: &mut P,
     ) -> ControlFlow<()>;
+}
+
+/// [`walk`] for one ray after the other, each with a collector of its own.
+#[inline(always)]
+pub(crate) fn walk_each<R: WideRay, C: Collect + Default>(
+    tree: &WideTree,
+    rays: &[Ray],
+    prepare: impl Fn(&Ray) -> Option<R>,
+    mut take: impl FnMut(usize, C),
+) {
+    for (number, ray) in rays.iter().enumerate() {
+        let mut collector = C::default();
+        if let Some(ray) = prepare(ray) {
+            walk(tree, &ray, &mut collector, &mut ());
+        }
+        take(number, collector);
+    }
 }
 
 /// Gives the collector every hit of the ray that it may want, roughly front to back.
