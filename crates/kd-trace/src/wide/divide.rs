@@ -113,7 +113,8 @@ struct Sides([Vec<Item>; 2]);
 impl Sides {
     fn of(items: Vec<Item>, axis: Axis, split: f32, mesh: &Mesh) -> Self {
         let along = axis.index();
-        let (mut lower, mut upper, mut both) = (Vec::new(), Vec::new(), Vec::new());
+        let half = || Vec::with_capacity(items.len() / 2);
+        let (mut lower, mut upper, mut both) = (half(), half(), Vec::new());
         for item in items {
             if item.min[along] >= split && item.max[along] > split {
                 upper.push(item);

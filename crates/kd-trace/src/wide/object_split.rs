@@ -6,8 +6,11 @@ use kd_core::Axis;
 
 use super::box_tree::Item;
 
-/// Parts of an axis, between which a division may be.
+/// Parts of an axis, between which a division may be: of many items, and of few, for which looking at every part takes
+/// longer than at every item.
 const BINS: usize = 16;
+const BINS_OF_FEW: usize = 8;
+const FEW: usize = 24;
 
 /// A division of items by the bins of their centres.
 #[derive(Clone, Copy, Debug)]
@@ -15,15 +18,26 @@ pub(crate) struct ObjectSplit {
     pub(crate) axis: Axis,
     bins: Bins,
     /// The first bin of the upper part.
-    first_upper: usize,
+    first_upper: u32,
     cost: f32,
 }
 
-/// Equal parts of an axis, measured in twice the coordinates of centres.
+/// Equal parts of each axis, measured in twice the coordinates of centres. (The first and the last are half as long.)
 #[derive(Clone, Copy, Debug)]
 struct Bins {
-    start: f32,
-    per_unit: f32,
+    start: Vec3A,
+    per_unit: Vec3A,
+}
+
+impl Bins {
+    /// Which bins an item is in. Where an axis has no extent, or overflows, that may be any, `BINS` being a power of two.
+    #[inline(always)]
+    fn of(&self, item: &Item, most: u32) -> [u32; 3] {
+        /// Adding it leaves the nearest integer in the lowest bits.
+        const TO_INTEGER: f32 = (1 << 23) as f32;
+        let place = (item.min + item.max - self.start) * self.per_unit + TO_INTEGER;
+        place.to_array().map(|place| place.to_bits() & most)
+    }
 }
 
 /// Items and the box around them.
@@ -58,71 +72,50 @@ impl Group {
     }
 }
 
-impl Bins {
-    /// Which bin an item is in.
-    #[inline]
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "casts to integers saturate, and NaN goes to 0"
-    )]
-    fn of(self, item: &Item, along: usize) -> usize {
-        let center = item.min[along] + item.max[along];
-        (((center - self.start) * self.per_unit) as usize).min(BINS - 1)
-    }
-}
-
 impl ObjectSplit {
     /// The division of least cost; `None` where all centres are in one place.
     pub(crate) fn best(items: &[Item]) -> Option<Self> {
-        let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        let (least, most) = items.iter().fold(nothing, |(least, most), item| {
-            let center = item.min + item.max;
-            (least.min(center), most.max(center))
-        });
-        let mut best: Option<Self> = None;
-        for axis in Axis::ALL {
-            let (start, end) = (least[axis.index()], most[axis.index()]);
-            let per_unit = BINS as f32 / (end - start);
-            if start < end && per_unit.is_finite() {
-                let split = Self::best_on(items, axis, Bins { start, per_unit });
-                if best.is_none_or(|best| split.cost < best.cost) {
-                    best = Some(split);
-                }
-            }
+        if items.len() > FEW {
+            Self::best_of::<BINS>(items)
+        } else {
+            Self::best_of::<BINS_OF_FEW>(items)
         }
-        best
     }
 
-    /// The best on an axis. The first and the last bin are never empty, so neither part is.
-    fn best_on(items: &[Item], axis: Axis, bins: Bins) -> Self {
-        let mut groups = [Group::NOTHING; BINS];
+    fn best_of<const COUNT: usize>(items: &[Item]) -> Option<Self> {
+        let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (start, end) = items.iter().fold(nothing, |(start, end), item| {
+            let center = item.min + item.max;
+            (start.min(center), end.max(center))
+        });
+        let last = most_bin(items);
+        let per_unit = Vec3A::splat(last as f32) / (end - start);
+        let bins = Bins { start, per_unit };
+        let mut groups = [[Group::NOTHING; COUNT]; 3];
         for item in items {
-            groups[bins.of(item, axis.index())].add(&Group {
+            let group = Group {
                 min: item.min,
                 max: item.max,
                 count: 1,
-            });
+            };
+            for (groups, bin) in groups.iter_mut().zip(bins.of(item, last)) {
+                groups[bin as usize % COUNT].add(&group);
+            }
         }
-        let mut upper_costs = [0.0; BINS];
-        let mut upper = Group::NOTHING;
-        for (cost, group) in upper_costs.iter_mut().zip(&groups).skip(1).rev() {
-            upper.add(group);
-            *cost = upper.cost();
-        }
-        let mut best = Self {
-            axis,
-            bins,
-            first_upper: 1,
-            cost: f32::INFINITY,
-        };
-        let mut lower = Group::NOTHING;
-        for (last_lower, group) in groups[..BINS - 1].iter().enumerate() {
-            lower.add(group);
-            let first_upper = last_lower + 1;
-            let cost = lower.cost() + upper_costs[first_upper];
-            if cost < best.cost {
-                (best.first_upper, best.cost) = (first_upper, cost);
+        let mut best: Option<Self> = None;
+        for (axis, groups) in Axis::ALL.into_iter().zip(&groups) {
+            let along = axis.index();
+            if !(start[along] < end[along] && per_unit[along].is_finite()) {
+                continue;
+            }
+            let (first_upper, cost) = cheapest(groups);
+            if best.is_none_or(|best| cost < best.cost) {
+                best = Some(Self {
+                    axis,
+                    bins,
+                    first_upper,
+                    cost,
+                });
             }
         }
         best
@@ -130,15 +123,43 @@ impl ObjectSplit {
 
     /// Moves the lower part to the front, and tells how many items that are: some, and not all.
     pub(crate) fn apply(&self, items: &mut [Item]) -> usize {
+        let last = most_bin(items);
         let mut lower = 0;
         for at in 0..items.len() {
-            if self.bins.of(&items[at], self.axis.index()) < self.first_upper {
+            if self.bins.of(&items[at], last)[self.axis.index()] < self.first_upper {
                 items.swap(at, lower);
                 lower += 1;
             }
         }
         lower
     }
+}
+
+/// The last bin for so many items.
+fn most_bin(items: &[Item]) -> u32 {
+    if items.len() > FEW { 15 } else { 7 }
+}
+const _: () = assert!(BINS == 16 && BINS_OF_FEW == 8, "the last bins");
+
+/// Before which bin to divide, and what that costs. The first and the last bin are never empty, so neither part is.
+#[inline(always)]
+fn cheapest<const COUNT: usize>(groups: &[Group; COUNT]) -> (u32, f32) {
+    let mut upper_costs = [0.0; COUNT];
+    let mut upper = Group::NOTHING;
+    for (cost, group) in upper_costs.iter_mut().zip(groups).skip(1).rev() {
+        upper.add(group);
+        *cost = upper.cost();
+    }
+    let mut best = (1, f32::INFINITY);
+    let mut lower = Group::NOTHING;
+    for ((first_upper, upper_cost), group) in (1..).zip(&upper_costs[1..]).zip(groups) {
+        lower.add(group);
+        let cost = lower.cost() + upper_cost;
+        if cost < best.1 {
+            best = (first_upper, cost);
+        }
+    }
+    best
 }
 
 #[cfg(test)]
