@@ -1,0 +1,386 @@
+//! Blocks of triangles.
+//!
+//! Fused multiply-adds are used where something is only rejected. What is a hit, and where, is computed without them, step
+//! by step as in [`TriangleTest`](crate::triangle::TriangleTest), so that answers are the same to the bit.
+#![allow(
+    clippy::multiple_unsafe_ops_per_block,
+    reason = "nearly every line is an instruction, or an address and a load; each block says what makes it safe"
+)]
+
+use std::arch::x86_64::*;
+use std::ops::ControlFlow;
+
+use kd_core::{Hit, Ray};
+
+use super::ROW;
+use crate::block::Block;
+use crate::collect::Collect;
+use crate::planes::PER_STEP;
+use crate::probe::Probe;
+use crate::triangle::{BLUR, LEAST_SHARE, MOST_REACH, SLOPE};
+use crate::wide::node::WIDTH;
+
+/// What triangles are asked with. Three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
+/// and along.
+pub(super) struct Avx2Test {
+    origin: [f32; 4],
+    direction: [f32; 4],
+    shear: [f32; 4],
+    /// Byte offsets of rows of a corner.
+    rows: [usize; 3],
+    /// Of the bound of edge functions.
+    slope: f32,
+    least: f32,
+    /// Units along per step, its size.
+    per_step: f32,
+    /// What `t` may lose where it underflows, along.
+    slack: f32,
+    /// -0.0 where the ray goes up along, for coordinates that are turned round.
+    turn: f32,
+    /// Where the ray starts, in steps.
+    start: f32,
+    /// No triangle is further away along.
+    farthest: f32,
+    t_min: f32,
+    t_max: f32,
+    /// All bits where the filter is off.
+    keep: u32,
+}
+
+/// Lanes of a block.
+#[derive(Clone, Copy)]
+struct Candidates {
+    /// Those that may be hit.
+    lanes: u32,
+    /// Whether one of them surely is.
+    is_one_sure: bool,
+}
+
+impl Avx2Test {
+    /// From the ray, its origin, and its direction as it is and in steps; the reach of the triangles; and how many steps
+    /// `t = 1` is.
+    ///
+    /// # Safety
+    ///
+    /// The processor has AVX2 and FMA.
+    #[inline(always)]
+    pub(super) unsafe fn new(
+        ray: &Ray,
+        [origin, exact, direction]: [__m128; 3],
+        reach: f32,
+        steps: f32,
+    ) -> Self {
+        /// The axis of the largest size, the first among equals, by whether x < y, y < z and x < z.
+        const ALONG: [usize; 8] = [0, 1, 0, 2, 1, 1, 2, 2];
+        /// Both axes across, and along.
+        const AXES: [[i32; 4]; 3] = [[1, 2, 0, 3], [2, 0, 1, 3], [0, 1, 2, 3]];
+        // SAFETY: the caller's, and loads and stores of four numbers at arrays of four.
+        unsafe {
+            let sizes = _mm_andnot_ps(_mm_set1_ps(-0.0), exact);
+            let (x_y_x, y_z_z) = (
+                _mm_permute_ps::<0b00_00_01_00>(sizes),
+                _mm_permute_ps::<0b00_10_10_01>(sizes),
+            );
+            let less = _mm_cmplt_ps(x_y_x, y_z_z);
+            let axes = &AXES[ALONG[(_mm_movemask_ps(less).cast_unsigned() & 0b111) as usize]];
+            let turn = _mm_loadu_si128(axes.as_ptr().cast());
+            let turned = |x: __m128| _mm_permutevar_ps(x, turn);
+            let in_memory = |x: __m128| {
+                let mut array = [0.0; 4];
+                _mm_storeu_ps(array.as_mut_ptr(), x);
+                array
+            };
+            let slopes = turned(direction);
+            let shear = _mm_div_ps(slopes, _mm_permute_ps::<0b10_10_10_10>(slopes));
+            let along = _mm_cvtss_f32(_mm_permute_ps::<0b10>(slopes));
+            let reach = if reach <= MOST_REACH {
+                reach
+            } else {
+                f32::INFINITY
+            };
+            let (slope, blur) = (SLOPE * reach, BLUR * reach);
+            Self {
+                origin: in_memory(turned(origin)),
+                direction: in_memory(turned(exact)),
+                shear: in_memory(shear),
+                rows: [axes[0], axes[1], axes[2]].map(|axis| axis.cast_unsigned() as usize * ROW),
+                slope,
+                least: slope * blur + f32::MIN_POSITIVE,
+                per_step: along.abs(),
+                slack: PER_STEP * steps * along.abs(),
+                turn: if along > 0.0 { -0.0 } else { 0.0 },
+                start: ray.t_min * steps,
+                farthest: 4.0 * reach,
+                t_min: ray.t_min,
+                t_max: ray.t_max,
+                keep: if reach.is_infinite() { u32::MAX } else { 0 },
+            }
+        }
+    }
+}
+
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+pub(super) fn visit<C: Collect, P: Probe>(
+    test: &Avx2Test,
+    blocks: &[Block],
+    limit: f32,
+    collector: &mut C,
+    probe: &mut P,
+) -> ControlFlow<()> {
+    for block in blocks {
+        probe.block();
+        let candidates = candidates::<C>(test, block, limit);
+        if candidates.is_one_sure {
+            collector.take_any();
+            return ControlFlow::Break(());
+        }
+        let mut lanes = candidates.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % WIDTH;
+            lanes &= lanes - 1;
+            probe.decision();
+            if let Some(hit) = decide(test, block, lane) {
+                collector.take(hit)?;
+            }
+        }
+    }
+    ControlFlow::Continue(())
+}
+
+/// The lanes that [`TriangleTest::certainly_misses`](crate::triangle::TriangleTest::certainly_misses) would not reject, and
+/// whose hit may lie between the ends of the ray.
+///
+/// The first part is the same computation, with fused multiply-adds, which only makes its errors smaller.
+///
+/// The second takes the few lanes that are left, with a closer bound: all coordinates of a corner, from the origin, are at
+/// most L = M + Z, the largest sheared coordinate and the largest one along, so that L stands in place of the reach R. There
+/// the errors are: uL moving a corner, uZ and uZ of the shear and its product's factor, uM rounding it, and u/4 M of the
+/// rounding to 26 bits that decides: 4uL and a little for e. Then 4uM² + 4eM + 2e² ≤ 20uLM and a little; the bound B here is
+/// twice that, 40uL (M + 8uL).
+///
+/// A hit lies T / D along, where T = Σ w z, D = Σ w with the weights w, the edge functions, and the corners' z. Each w errs by
+/// B/2, so D by 3B/2; T by 3B/2 Z, by 6uM²L for errors of z, and by 24uM²Z for rounding: together no more than 2BL. So T - sD is
+/// within 2B (L + |s|) of what it stands for, for any s along, such as the ends of the ray; that leaves room for rounding it, and
+/// s, and for the rounding of `t` to f32.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn candidates<C: Collect>(test: &Avx2Test, block: &Block, limit: f32) -> Candidates {
+    const U: f32 = f32::EPSILON / 2.0;
+    let sign = _mm256_set1_ps(-0.0);
+    let away = |x: __m256| _mm256_andnot_ps(sign, x);
+    let minus = |x: __m256| _mm256_xor_ps(sign, x);
+    let [(a, along_a), (b, along_b), (c, along_c)] =
+        block.corners.each_ref().map(|rows| sheared(test, rows));
+    let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
+    let size = |[x, y]: [__m256; 2]| _mm256_max_ps(away(x), away(y));
+    let size = _mm256_max_ps(_mm256_max_ps(size(a), size(b)), size(c));
+    let bound = _mm256_fmadd_ps(_mm256_set1_ps(test.slope), size, _mm256_set1_ps(test.least));
+    let least = _mm256_min_ps(_mm256_min_ps(u, v), w);
+    let most = _mm256_max_ps(_mm256_max_ps(u, v), w);
+    // False for NaN, which is where there is no triangle, or where the filter is off.
+    let above = _mm256_cmp_ps::<_CMP_GE_OQ>(least, minus(bound));
+    let below = _mm256_cmp_ps::<_CMP_LE_OQ>(most, bound);
+    let keep = _mm256_castsi256_ps(_mm256_set1_epi32(test.keep.cast_signed()));
+    let left = _mm256_or_ps(_mm256_or_ps(above, below), keep);
+    if _mm256_testz_ps(left, left) != 0 {
+        return Candidates {
+            lanes: 0,
+            is_one_sure: false,
+        };
+    }
+
+    let depth = _mm256_max_ps(_mm256_max_ps(away(along_a), away(along_b)), away(along_c));
+    let reach = _mm256_add_ps(size, depth);
+    let bound = _mm256_fmadd_ps(
+        _mm256_mul_ps(reach, _mm256_set1_ps(40.0 * U)),
+        _mm256_fmadd_ps(reach, _mm256_set1_ps(8.0 * U), size),
+        _mm256_set1_ps(f32::MIN_POSITIVE),
+    );
+    let area = _mm256_add_ps(_mm256_add_ps(u, v), w);
+    let winding = _mm256_and_ps(sign, area);
+    let area = away(area);
+    let t = _mm256_fmadd_ps(
+        u,
+        along_a,
+        _mm256_fmadd_ps(v, along_b, _mm256_mul_ps(w, along_c)),
+    );
+    let t = _mm256_xor_ps(t, _mm256_xor_ps(winding, _mm256_set1_ps(test.turn)));
+    let start = test.start * test.per_step;
+    let limit = (limit * test.per_step).min(test.farthest);
+    let before = _mm256_fmsub_ps(_mm256_set1_ps(start), area, t);
+    let beyond = _mm256_fnmadd_ps(_mm256_set1_ps(limit), area, t);
+    // What may underflow here is less than the last term.
+    let underflow = _mm256_fmadd_ps(
+        area,
+        _mm256_set1_ps(test.slack),
+        _mm256_set1_ps(f32::MIN_POSITIVE),
+    );
+    let error = |end: f32| {
+        let size = _mm256_add_ps(reach, _mm256_set1_ps(end.abs()));
+        _mm256_fmadd_ps(_mm256_add_ps(bound, bound), size, underflow)
+    };
+    let (error_before, error_beyond) = (error(start), error(limit));
+    let is_out = _mm256_or_ps(
+        _mm256_cmp_ps::<_CMP_GT_OQ>(before, error_before),
+        _mm256_cmp_ps::<_CMP_GT_OQ>(beyond, error_beyond),
+    );
+    let left = _mm256_andnot_ps(_mm256_andnot_ps(keep, is_out), left);
+    let is_one_sure = C::ANY && {
+        let is_inside = _mm256_or_ps(
+            _mm256_cmp_ps::<_CMP_GT_OQ>(least, bound),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(most, minus(bound)),
+        );
+        let is_between = _mm256_and_ps(
+            _mm256_cmp_ps::<_CMP_LT_OQ>(before, minus(error_before)),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(beyond, minus(error_beyond)),
+        );
+        let is_sure = _mm256_andnot_ps(keep, _mm256_and_ps(is_inside, is_between));
+        _mm256_movemask_ps(is_sure) != 0
+    };
+    Candidates {
+        lanes: _mm256_movemask_ps(left).cast_unsigned(),
+        is_one_sure,
+    }
+}
+
+/// A corner of eight triangles, turned round: the origin from there, across, and how far along.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn sheared(test: &Avx2Test, corner: &[[f32; WIDTH]; 3]) -> ([__m256; 2], __m256) {
+    let base: *const u8 = (&raw const *corner).cast();
+    let from_origin = |axis: usize| {
+        // SAFETY: the offset of a row of the corner.
+        let row = unsafe { _mm256_load_ps(base.add(test.rows[axis]).cast()) };
+        _mm256_sub_ps(_mm256_set1_ps(test.origin[axis]), row)
+    };
+    let [x, y, along] = [from_origin(0), from_origin(1), from_origin(2)];
+    let x = _mm256_fnmadd_ps(_mm256_set1_ps(test.shear[0]), along, x);
+    let y = _mm256_fnmadd_ps(_mm256_set1_ps(test.shear[1]), along, y);
+    ([x, y], along)
+}
+
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn edge(p: [__m256; 2], q: [__m256; 2]) -> __m256 {
+    _mm256_fmsub_ps(p[0], q[1], _mm256_mul_ps(p[1], q[0]))
+}
+
+/// [`TriangleTest::decide`](crate::triangle::TriangleTest::decide), with the three corners side by side.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+#[allow(clippy::cast_possible_truncation, reason = "a hit has f32 values")]
+fn decide(test: &Avx2Test, block: &Block, lane: usize) -> Option<Hit> {
+    let in_all = |x: f32| _mm256_set1_pd(x.into());
+    let from_origin = |axis: usize| {
+        let [a, b, c] = block.corners.each_ref().map(|rows| {
+            let base: *const u8 = (&raw const *rows).cast();
+            // SAFETY: the offset of a row of the corner.
+            let row = unsafe { &*base.add(test.rows[axis]).cast::<[f32; WIDTH]>() };
+            row[lane]
+        });
+        let corners = _mm256_cvtps_pd(_mm_setr_ps(a, b, c, 0.0));
+        _mm256_sub_pd(corners, in_all(test.origin[axis]))
+    };
+    let [dx, dy, along, _] = test.direction;
+    let slopes = _mm256_div_pd(
+        _mm256_cvtps_pd(_mm_setr_ps(dx, dy, 1.0, 1.0)),
+        in_all(along),
+    );
+    let shear_x = _mm256_permute4x64_pd::<0b00_00_00_00>(slopes);
+    let shear_y = _mm256_permute4x64_pd::<0b01_01_01_01>(slopes);
+    let scale = _mm256_permute4x64_pd::<0b10_10_10_10>(slopes);
+    let z = from_origin(2);
+    let x = _mm256_sub_pd(from_origin(0), _mm256_mul_pd(shear_x, z));
+    let y = _mm256_sub_pd(from_origin(1), _mm256_mul_pd(shear_y, z));
+    let t = _mm256_mul_pd(scale, z);
+
+    let rounded = weights(to_26_bits(x), to_26_bits(y));
+    if !are_inside(rounded) {
+        return None;
+    }
+    let finer = weights(x, y);
+    let away = |x: __m256d| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x);
+    let [size_a, size_b, size_c] = three(_mm256_max_pd(away(x), away(y)));
+    let larger = |a: f64, b: f64| if a > b { a } else { b };
+    let size = larger(larger(size_a, size_b), size_c);
+    let is_sound = sum(finer).abs() >= LEAST_SHARE * size * size;
+    let weights = if is_sound && are_inside(finer) {
+        finer
+    } else {
+        rounded
+    };
+    let [_, b, c] = three(weights);
+    let [t_a, t_b, t_c] = three(_mm256_mul_pd(weights, t));
+    let quotients = _mm256_div_pd(
+        _mm256_setr_pd(t_a + t_b + t_c, b, c, 0.0),
+        _mm256_set1_pd(sum(weights)),
+    );
+    // Adding zero turns -0.0 into 0.0.
+    let [t, u, v] = three(quotients).map(|quotient| quotient as f32 + 0.0);
+    let hit = Hit {
+        t,
+        u,
+        v,
+        triangle: block.triangles[lane],
+    };
+    (t.is_finite() && test.t_min <= t && t <= test.t_max).then_some(hit)
+}
+
+/// The first three of four.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn three(x: __m256d) -> [f64; 3] {
+    let low = _mm256_castpd256_pd128(x);
+    let high = _mm256_extractf128_pd::<1>(x);
+    [
+        _mm_cvtsd_f64(low),
+        _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)),
+        _mm_cvtsd_f64(high),
+    ]
+}
+
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn sum(x: __m256d) -> f64 {
+    let [a, b, c] = three(x);
+    a + b + c
+}
+
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn to_26_bits(x: __m256d) -> __m256d {
+    const DROPPED: u32 = f64::MANTISSA_DIGITS - 26;
+    let half = _mm256_set1_epi64x(1 << (DROPPED - 1));
+    let kept = _mm256_set1_epi64x(-1 << DROPPED);
+    _mm256_castsi256_pd(_mm256_and_si256(
+        _mm256_add_epi64(_mm256_castpd_si256(x), half),
+        kept,
+    ))
+}
+
+/// Of corners a, b and c: the edge functions of c and b, a and c, b and a.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn weights(x: __m256d, y: __m256d) -> __m256d {
+    const C_A_B: i32 = 0b11_01_00_10;
+    const B_C_A: i32 = 0b11_00_10_01;
+    let left = _mm256_mul_pd(
+        _mm256_permute4x64_pd::<C_A_B>(x),
+        _mm256_permute4x64_pd::<B_C_A>(y),
+    );
+    let right = _mm256_mul_pd(
+        _mm256_permute4x64_pd::<C_A_B>(y),
+        _mm256_permute4x64_pd::<B_C_A>(x),
+    );
+    _mm256_sub_pd(left, right)
+}
+
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn are_inside(weights: __m256d) -> bool {
+    let zero = _mm256_setzero_pd();
+    let above = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_GE_OQ>(weights, zero)) & 0b111;
+    let below = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(weights, zero)) & 0b111;
+    ((above == 0b111) | (below == 0b111)) && sum(weights) != 0.0
+}
