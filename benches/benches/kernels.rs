@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use kd::{BuildOptions, KdTree, Level, Mesh, Method, Ray};
+use kd::{BuildOptions, KdTree, Layout, Level, Mesh, Method, Ray, WideTree};
 use kd_scene::{Camera, Spd};
 
 /// A scene that builds in milliseconds, and its camera.
@@ -34,6 +34,10 @@ fn build(criterion: &mut Criterion) {
             bencher.iter_batched(|| Arc::clone(&mesh), build, BatchSize::LargeInput);
         });
     }
+    let tree = kd::custom::build(&*mesh, &BuildOptions::balanced()).expect("a small scene");
+    group.bench_function("wide nodes", |bencher| {
+        bencher.iter(|| WideTree::new(black_box(&tree), &mesh));
+    });
     group.finish();
 }
 
@@ -57,6 +61,18 @@ fn single_ray(criterion: &mut Criterion) {
                 .filter_map(|ray| portable.intersect(black_box(ray)))
                 .count()
         });
+    });
+    let binary = tree.clone().with_layout(Layout::Binary);
+    group.bench_function("closest, binary layout", |bencher| {
+        bencher.iter(|| {
+            rays.iter()
+                .filter_map(|ray| binary.intersect(black_box(ray)))
+                .count()
+        });
+    });
+    group.bench_function("closest, batch", |bencher| {
+        let mut hits = vec![None; rays.len()];
+        bencher.iter(|| tree.intersect_batch(black_box(&rays), &mut hits));
     });
     group.bench_function("any", |bencher| {
         bencher.iter(|| {

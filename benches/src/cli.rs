@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::builds::BuildsArgs;
 use crate::calibrate::CalibrateArgs;
+use crate::instructions::InstructionsArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
@@ -27,6 +28,8 @@ pub(crate) enum Command {
     Builds(BuildsArgs),
     /// Print how fast our default tree answers rays, over rivals, with the goals
     Rays(RaysArgs),
+    /// Count instructions per ray, which do not depend on how busy the machine is
+    Instructions(InstructionsArgs),
     /// Write the HTML report of a recorded run again
     Report {
         /// A folder that `bench` wrote, for example target/bench/latest

@@ -1,7 +1,7 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | rays | report | calibrate | compare`.
+//! Started by `cargo xtask bench | builds | rays | instructions | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -15,6 +15,7 @@ mod cli;
 mod compare;
 mod environment;
 mod goals;
+mod instructions;
 mod measure;
 mod memory;
 mod native;
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Builds(arguments) => builds::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
+        Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Compare { before, after } => compare::run(&before, &after),

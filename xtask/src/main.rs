@@ -44,6 +44,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("rays", arguments),
     },
     Command {
+        name: "instructions",
+        arguments: "[--json FILE]",
+        help: "count instructions per ray, with valgrind: the same on every run",
+        run: |arguments| bench::run("instructions", arguments),
+    },
+    Command {
         name: "report",
         arguments: "RUN",
         help: "write the HTML report of a recorded run",

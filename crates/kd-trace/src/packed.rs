@@ -21,7 +21,8 @@ use crate::probe::{Probe, TraversalCounts};
 use crate::triangle::{LANES, TriangleTest};
 use crate::walk::Walkable;
 
-/// A tree with the triangles of its leaves packed in blocks of eight: what to trace where speed matters.
+/// A tree with the triangles of its leaves packed in blocks of eight: what to trace where the tree's own nodes are to be
+/// used. [`WideTree`](crate::WideTree) is faster.
 ///
 /// Every answer equals that of the functions that take the [`Tree`] and its mesh, and so that of
 /// [`brute_force`](crate::brute_force), to the bit and at every [`Level`].

@@ -34,6 +34,10 @@
 //! (2⁻²⁰ of the crossing itself in place of Q would be tighter near the origin, and costs 2 to 7 % of the time of a ray:
 //! three more operations a node before the branch that waits for them. 2026-11-24, bunny, sibenik, `sponza_dabrovic`.)
 //!
+//! Faces of boxes are planes with the same bound. Where many are crossed at once it is `s / d - o / d` that is computed, with
+//! the second term rounded once for all of them, and the difference not at all: its error is `2⁻²⁴ |o / d|`, and 2⁻²² of the
+//! origin's coordinates is added to the bound.
+//!
 //! A ray leaves the near side of a plane at the interval's end, and enters the far side at its start. So the spans
 //! of all cells on the path to P contain the `t` that is reported for P, and nothing else needs a bound: a cell may
 //! be passed over as soon as a hit is known whose `t` lies before the cell's span.
