@@ -54,7 +54,9 @@ pub(crate) struct InstructionsArgs {
 pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
     if let (Some(kind), Some(layout)) = (arguments.inside, arguments.layout) {
         let (structure, workload) = prepare(kind, layout)?;
-        black_box(rays_that_are_counted(&*structure, &workload));
+        let mut answers = Answers::none(kind, workload.rays.len());
+        rays_that_are_counted(&*structure, &workload, &mut answers);
+        black_box(answers);
         return Ok(true);
     }
     let mut lines = String::new();
@@ -105,13 +107,11 @@ fn prepare(kind: RayKind, layout: LayoutName) -> anyhow::Result<(Box<dyn Structu
 
 /// What valgrind counts. Its name is how it is found.
 #[inline(never)]
-fn rays_that_are_counted(structure: &dyn Structure, workload: &Workload) -> Answers {
-    let mut answers = Answers::none(workload.kind, workload.rays.len());
-    match &mut answers {
+fn rays_that_are_counted(structure: &dyn Structure, workload: &Workload, answers: &mut Answers) {
+    match answers {
         Answers::Closest(hits) => structure.closest(&workload.rays, hits),
         Answers::Any(hits) => structure.any(&workload.rays, hits),
     }
-    answers
 }
 
 /// The instructions of all rays.

@@ -28,7 +28,7 @@
 //! # Fast
 //!
 //! [`WideTree`] holds nodes of eight children and the triangles of each leaf in blocks of eight, made from a tree and tested
-//! all at once. It has the same queries with the same answers, in a quarter of the time. [`PackedTree`] keeps the tree's
+//! all at once. It has the same queries with the same answers, in a quarter to a half of the time. [`PackedTree`] keeps the tree's
 //! own nodes over such blocks.
 //!
 //! ```

@@ -28,7 +28,7 @@ use arrays::Arrays;
 use box_tree::{BoxTree, Item};
 use divide::{Divider, MOST_LEVELS};
 
-/// Cells of more triangles are divided by the planes of the kd-tree, others as objects: see [`divide`].
+/// Cells of more triangles may be divided by the planes of the kd-tree, others only as objects: see [`divide`].
 const PLANES_ABOVE: usize = 1024;
 
 /// A tree of nodes with eight children and of triangles in blocks of eight: what to trace where speed matters.
@@ -54,7 +54,7 @@ impl WideTree {
     ///
     /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
     pub fn new(tree: &Tree, mesh: &Mesh) -> Self {
-        Self::with(tree, mesh, PLANES_ABOVE, false)
+        Self::with(tree, mesh, None, false)
     }
 
     /// [`new`](Self::new) on the threads of the pool in scope (rayon's). The result is the same.
@@ -64,20 +64,21 @@ impl WideTree {
     /// As [`new`](Self::new).
     #[cfg(feature = "parallel")]
     pub fn new_parallel(tree: &Tree, mesh: &Mesh) -> Self {
-        Self::with(tree, mesh, PLANES_ABOVE, true)
+        Self::with(tree, mesh, None, true)
     }
 
-    /// [`new`](Self::new) that follows the planes of the kd-tree in all cells of more than `planes_above` triangles; 0
-    /// follows them to its leaves. For tests and measurements: the default is what was found best.
+    /// [`new`](Self::new) that follows the planes of the kd-tree in all cells of more than `planes_above` triangles, whatever
+    /// that costs; 0 follows them to its leaves. For tests and measurements: the default is what was found best.
     ///
     /// # Panics
     ///
     /// As [`new`](Self::new).
     pub fn with_planes_above(tree: &Tree, mesh: &Mesh, planes_above: usize) -> Self {
-        Self::with(tree, mesh, planes_above, false)
+        Self::with(tree, mesh, Some(planes_above), false)
     }
 
-    fn with(tree: &Tree, mesh: &Mesh, planes_above: usize, is_parallel: bool) -> Self {
+    /// Above so many triangles only planes count, if that is told.
+    fn with(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Self {
         let boxes = boxes_of(tree, mesh, planes_above, is_parallel);
         let (nodes, blocks, root) = emit::emit(&boxes, mesh, is_parallel);
         Self {
@@ -188,14 +189,15 @@ impl PartialEq for WideTree {
 }
 
 /// The boxes of all triangles of a tree.
-fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: usize, is_parallel: bool) -> BoxTree {
+fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> BoxTree {
     let mut boxes = BoxTree::default();
     let area = tree.bounds().half_area();
     let divider = Divider {
         tree,
         mesh,
         per_area: if area > 0.0 { area.recip() } else { 0.0 },
-        planes_above,
+        planes_above: planes_above.unwrap_or(PLANES_ABOVE),
+        objects_compete: planes_above.is_none(),
         #[cfg(feature = "parallel")]
         is_parallel,
     };
@@ -212,7 +214,7 @@ fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: usize, is_parallel: bool) ->
         .map(|(triangle, _)| Item::whole(triangle, mesh))
         .collect();
     if !items.is_empty() {
-        divider.by_planes(tree.root(), items, &mut boxes);
+        divider.by_planes(tree.root(), items, 0, &mut boxes);
     }
     boxes
 }

@@ -19,7 +19,8 @@ pub(crate) struct ObjectSplit {
     bins: Bins,
     /// The first bin of the upper part.
     first_upper: u32,
-    cost: f32,
+    /// The half areas of both boxes, each times its items.
+    pub(crate) cost: f32,
 }
 
 /// Equal parts of each axis, measured in twice the coordinates of centres. (The first and the last are half as long.)
