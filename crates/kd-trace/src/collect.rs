@@ -5,6 +5,10 @@ use std::ops::ControlFlow;
 use kd_core::Hit;
 
 /// Takes the hits that a traversal finds, in any order, the same one possibly several times.
+#[cfg_attr(
+    not(target_arch = "x86_64"),
+    allow(dead_code, reason = "only what is written for AVX2 asks")
+)]
 pub(crate) trait Collect {
     /// Whether any hit is as good as any other.
     const ANY: bool = false;

@@ -37,7 +37,7 @@ const PLANES_ABOVE: usize = 1024;
 /// functions that take the [`Tree`] and its mesh, and so that of [`brute_force`](crate::brute_force), to the bit and at every
 /// [`Level`].
 ///
-/// Memory: 256 bytes a node and 320 bytes a block, together 60 to 75 bytes a triangle in the scenes that it was measured on.
+/// Memory: 256 bytes a node and 320 bytes a block, together about 60 bytes a triangle in most scenes.
 #[derive(Clone, Debug)]
 pub struct WideTree {
     arrays: Arrays,
