@@ -236,7 +236,7 @@ fn enter(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) 
         return None;
     }
     if met & (met - 1) == 0 {
-        // No order, no stack: in this, the most frequent case, the next node is known ten nanoseconds sooner.
+        // No order, no stack: in this, the most frequent case, the next node is known sooner.
         return Some(node.children[met.trailing_zeros() as usize % WIDTH]);
     }
     // SAFETY: the offset of an order.
