@@ -8,10 +8,10 @@
 //! In large cells, too, objects are divided where the plane costs much more, as it may where a few huge triangles lie among
 //! many small ones: planes that cut off what is empty between those cut the huge ones each time.
 //!
-//! Why both, from a throw-away program over a scan, a city and three rooms (2026-11-25): with all planes of a kd-tree rays
-//! visit about as many nodes as with objects alone (0.9 to 1.12 times) and more blocks, in 1.5 to 2.3 times the memory.
-//! Planes above a thousand triangles have a SAH cost 3 to 13 % below that of objects alone in the rooms, 0.2 % above it on
-//! the scan and 2.5 % on the city, and about the same memory.
+//! Why both, from a throw-away program over a scan, a city and three rooms (2026-11-25): with all planes of a kd-tree (in
+//! two of the rooms) rays visit about as many nodes as with objects alone (0.9 to 1.12 times) and more blocks, in 1.5 to
+//! 2.3 times the memory. Planes above a thousand triangles have a SAH cost 3 to 13 % below that of objects alone in the
+//! rooms, 0.2 % above it on the scan and 2.5 % on the city, and about the same memory.
 
 use kd_core::{Aabb, Axis, MAX_DEPTH, Mesh, NodeIndex, NodeView, Tree, clipped_halves};
 
