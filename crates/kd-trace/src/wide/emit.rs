@@ -96,7 +96,14 @@ pub(super) fn emit(
         blocks: &mut blocks,
         before: Counts::default(),
     };
-    let child = emitter.child(root, space);
+    let mut child = emitter.child(root, space);
+    if child.is_leaf() {
+        // Nothing else has the box of a tree that is one leaf, and rays that miss it should not pay for its triangles.
+        let mut node = WideNode::EMPTY;
+        node.set(0, &boxes.node(root).bounds, child);
+        nodes.push(node);
+        child = Child::node(nodes.len() - 1);
+    }
     (nodes, blocks, child)
 }
 

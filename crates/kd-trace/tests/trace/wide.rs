@@ -107,6 +107,19 @@ fn threads_do_not_show() {
 }
 
 #[test]
+fn what_misses_the_box_of_one_leaf_looks_at_no_triangle() {
+    let mesh = pile(3);
+    let tree = build(&mesh, &BuildOptions::default()).expect("valid");
+    let wide = WideTree::new(&tree, &mesh);
+    let past = Ray::new([9.0, 9.0, -9.0], [0.0, 0.0, 1.0]);
+    let (hit, counts) = wide.intersect_counted(&past);
+    assert_eq!((hit, counts.blocks), (None, 0), "{counts:?}");
+    let through = Ray::new([0.0, 0.0, -9.0], [0.0, 0.0, 1.0]);
+    let (hit, counts) = wide.intersect_counted(&through);
+    assert!(hit.is_some() && counts.blocks == 1, "{hit:?} {counts:?}");
+}
+
+#[test]
 fn steps_are_counted() {
     let mesh = soup();
     let tree = build(&mesh, &BuildOptions::default()).expect("valid");
