@@ -188,6 +188,29 @@ impl PartialEq for WideTree {
     }
 }
 
+/// Which triangles of a mesh are in a tree: in a leaf that its root reaches, since an arena may hold other trees too.
+fn triangles_of(tree: &Tree, triangles: usize) -> Vec<bool> {
+    let mut is_in_tree = vec![false; triangles];
+    let mut is_seen = vec![false; tree.nodes().len()];
+    let mut pending = vec![tree.root()];
+    while let Some(place) = pending.pop() {
+        // Subtrees may be shared.
+        if std::mem::replace(&mut is_seen[place.index()], true) {
+            continue;
+        }
+        let node = tree.nodes()[place.index()];
+        if node.is_leaf() {
+            for slot in tree.leaf_refs(node) {
+                is_in_tree[slot.0 as usize] = true;
+            }
+        } else {
+            let first = node.first_child();
+            pending.extend([first, first.sibling()]);
+        }
+    }
+    is_in_tree
+}
+
 /// The boxes of all triangles of a tree.
 fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> BoxTree {
     let mut boxes = BoxTree::default();
@@ -202,14 +225,8 @@ fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: 
         is_parallel,
     };
     let _ = is_parallel;
-    let mut is_in_tree = vec![false; mesh.len()];
-    for leaf in tree.nodes().iter().filter(|node| node.is_leaf()) {
-        for slot in tree.leaf_refs(*leaf) {
-            is_in_tree[slot.0 as usize] = true;
-        }
-    }
     let items: Vec<Item> = (0..)
-        .zip(is_in_tree)
+        .zip(triangles_of(tree, mesh.len()))
         .filter(|(_, is_in_tree)| *is_in_tree)
         .map(|(triangle, _)| Item::whole(triangle, mesh))
         .collect();

@@ -1,7 +1,7 @@
 //! Wide nodes: leaves of every fullness, what cannot be divided, and that threads do not show.
 
 use glam::Vec3;
-use kd_core::Ray;
+use kd_core::{Arena, CostModel, Node, Pair, Ray, Slot, Tree};
 use kd_sah::{BuildOptions, build};
 use kd_trace::WideTree;
 
@@ -117,6 +117,25 @@ fn what_misses_the_box_of_one_leaf_looks_at_no_triangle() {
     let through = Ray::new([0.0, 0.0, -9.0], [0.0, 0.0, 1.0]);
     let (hit, counts) = wide.intersect_counted(&through);
     assert!(hit.is_some() && counts.blocks == 1, "{hit:?} {counts:?}");
+}
+
+/// A tree may be over a part of an arena: what its root does not reach is not in it.
+#[test]
+fn what_the_root_does_not_reach_is_not_hit() {
+    let mesh = pile(2);
+    let leaf = Node::leaf(0, 1).expect("small");
+    let pairs = [Pair([leaf, Node::EMPTY_LEAF])];
+    let mut arena = Arena::new();
+    arena.append(&pairs, &[Slot(0)]).expect("small");
+    let root = arena.append(&pairs, &[Slot(1)]).expect("small");
+    arena.freeze(2).expect("valid");
+    let tree = Tree::from_arena(arena, root, mesh.bounds(), CostModel::PACKED).expect("valid");
+    let through = Ray::new([0.0, 0.0, -9.0], [0.0, 0.0, 1.0]);
+    let (mut hits, mut expected) = (Vec::new(), Vec::new());
+    kd_trace::hits(&tree, &mesh, &through, usize::MAX, &mut expected);
+    assert_eq!(expected.len(), 1, "the other one is below another root");
+    WideTree::new(&tree, &mesh).hits(&through, usize::MAX, &mut hits);
+    assert_eq!(hits, expected, "the same one");
 }
 
 #[test]
