@@ -9,7 +9,6 @@ use std::process::Command;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum as _};
-use kd_scene::Spd;
 use serde_json::json;
 
 use crate::check::Answers;
@@ -59,6 +58,7 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
         black_box(answers);
         return Ok(true);
     }
+    let Environment { rev, rustc, .. } = Environment::detect();
     let mut lines = String::new();
     let mut head = vec!["instructions per ray".to_owned()];
     head.extend(RayKind::value_variants().iter().map(name_of));
@@ -74,8 +74,8 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
                 "layout": layout.name(),
                 "rays": name_of(kind),
                 "instructions_per_ray": per_ray,
-                "rev": Environment::detect().rev,
-                "rustc": Environment::detect().rustc,
+                "rev": rev,
+                "rustc": rustc,
             });
             lines += &serde_json::to_string(&line)?;
             lines.push('\n');
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
 
 fn prepare(kind: RayKind, layout: LayoutName) -> anyhow::Result<(Box<dyn Structure>, Workload)> {
     let sources = scenes::choose_from(None, &[SCENE.to_owned()], true)?;
-    let scene = sources.first().context(Spd::Gears.name())?.load()?;
+    let scene = sources.first().context("a scene was asked for")?.load()?;
     let variant = Variant {
         structure: StructureName::Kd,
         builder: BuilderName::Balanced,
