@@ -307,8 +307,9 @@ fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
             section {
                 h2 { "SAH cost against time" }
                 p.note {
-                    "The surface area heuristic predicts what a random ray costs. A point is a scene and a variant; the \
-                     name stands at the reference's, " (REFERENCE) "."
+                    "The surface area heuristic predicts what a random ray costs in the tree's own nodes. Wide ones divide \
+                     small cells anew, so that their times depend less on it. A point is a scene and a variant; the name \
+                     stands at the reference's, " (REFERENCE) "."
                 }
                 (legend(run))
                 div.pair { @for plot in &plots { figure { (PreEscaped(plot)) } } }
