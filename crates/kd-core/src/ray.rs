@@ -1,12 +1,16 @@
 //! Rays and hits.
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// A ray `origin + t * direction` for `t_min <= t <= t_max`.
 ///
 /// The direction need not have unit length: `t` is measured in multiples of it. A ray with a NaN or an infinite
 /// origin or direction, a zero direction, `t_min > t_max` or a mask of 0 is valid to trace and hits nothing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+///
+/// In memory it is nine words, in the order of its fields.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Ray {
     /// Where `t` is 0.
     pub origin: Vec3,

@@ -1,9 +1,10 @@
-//! Which instructions a walk over packed leaves uses: the one place with `unsafe` code.
+//! Which instructions rays are traced with.
 //!
-//! The walk is written once, without intrinsics: loops over eight lanes, which the compiler turns into vector
-//! instructions of whatever the function around them may use. So the only thing to decide is in which function the walk
-//! is instantiated, and what it computes is the same everywhere: no level has fused multiply-adds, and the operations
-//! that are left round alike in all.
+//! The walk over packed leaves is written once, without intrinsics: loops over eight lanes, which the compiler turns into
+//! vector instructions of whatever the function around them may use. So the only thing to decide is in which function the
+//! walk is instantiated, and what it computes is the same everywhere: no level has fused multiply-adds, and the operations
+//! that are left round alike in all. The walk over wide nodes is written once too, over what a level has for nodes and
+//! blocks, and for [`lanes`](crate::lanes).
 #![allow(
     unsafe_code,
     reason = "calls a function compiled for AVX2, once it is known that the processor has it"
@@ -11,9 +12,12 @@
 
 use std::fmt;
 
-use kd_core::Ray;
+use kd_core::{Hit, Ray};
 
 use crate::collect::Collect;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::Avx2;
+use crate::lanes::Portable;
 use crate::packed::PackedTree;
 use crate::probe::Probe;
 use crate::walk::{Begin, walk};
@@ -97,37 +101,51 @@ impl Level {
         }
     }
 
-    /// The walks of many rays, each with a collector of its own, which `take` gets.
-    ///
-    /// One function for all: nothing is set up between two rays but the next one.
-    pub(crate) fn walk_each_wide<C: Collect + Default>(
-        self,
-        tree: &WideTree,
-        rays: &[Ray],
-        take: impl FnMut(usize, C),
-    ) {
+    /// The closest hit of each ray.
+    pub(crate) fn closest_of_each(self, tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
         match self.0 {
             Instructions::Portable => {
                 let prepare = |ray: &Ray| PortableRay::new(ray, tree.frame());
-                wide::walk::walk_each(tree, rays, prepare, take);
+                wide::batch::closest(Portable, tree, rays, hits, prepare);
             }
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `detect` alone makes this value, and only where the processor has all of these.
-            Instructions::Avx2 => unsafe { walk_each_wide_avx2(tree, rays, take) },
+            Instructions::Avx2 => unsafe { closest_of_each_avx2(tree, rays, hits) },
+        }
+    }
+
+    /// Whether each ray hits anything.
+    pub(crate) fn any_of_each(self, tree: &WideTree, rays: &[Ray], occluded: &mut [bool]) {
+        match self.0 {
+            Instructions::Portable => {
+                let prepare = |ray: &Ray| PortableRay::new(ray, tree.frame());
+                wide::batch::any(Portable, tree, rays, occluded, prepare);
+            }
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `detect` alone makes this value, and only where the processor has all of these.
+            Instructions::Avx2 => unsafe { any_of_each_avx2(tree, rays, occluded) },
         }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-fn walk_each_wide_avx2<C: Collect + Default>(
-    tree: &WideTree,
-    rays: &[Ray],
-    take: impl FnMut(usize, C),
-) {
+fn closest_of_each_avx2(tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
     // SAFETY: this function may be called only where there are AVX2 and FMA.
+    let simd = unsafe { Avx2::new() };
+    // SAFETY: the same.
     let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };
-    wide::walk::walk_each(tree, rays, prepare, take);
+    wide::batch::closest(simd, tree, rays, hits, prepare);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn any_of_each_avx2(tree: &WideTree, rays: &[Ray], occluded: &mut [bool]) {
+    // SAFETY: this function may be called only where there are AVX2 and FMA.
+    let simd = unsafe { Avx2::new() };
+    // SAFETY: the same.
+    let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };
+    wide::batch::any(simd, tree, rays, occluded, prepare);
 }
 
 #[cfg(target_arch = "x86_64")]

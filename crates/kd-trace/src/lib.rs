@@ -69,6 +69,7 @@ mod block;
 pub mod brute_force;
 mod collect;
 mod float;
+mod lanes;
 pub mod lazy;
 mod level;
 mod packed;

@@ -269,13 +269,29 @@ impl Filter {
     }
 }
 
+/// How the bits of a number are rounded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rounding {
+    /// What is added to them.
+    pub(crate) half: u64,
+    /// Those that are kept.
+    pub(crate) kept: u64,
+}
+
+/// To 26 significant bits.
+pub(crate) const TO_26_BITS: Rounding = {
+    const DROPPED: u32 = f64::MANTISSA_DIGITS - 26;
+    Rounding {
+        half: 1 << (DROPPED - 1),
+        kept: u64::MAX << DROPPED,
+    }
+};
+
 /// The nearest number with 26 significant bits, halves away from zero: an error of at most 2⁻²⁶.
 #[inline(always)]
 fn to_26_bits(x: f64) -> f64 {
-    const DROPPED: u32 = f64::MANTISSA_DIGITS - 26;
-    let half = 1 << (DROPPED - 1);
     // A carry out of the mantissa goes to the exponent, where it belongs.
-    f64::from_bits((x.to_bits() + half) & (u64::MAX << DROPPED))
+    f64::from_bits((x.to_bits() + TO_26_BITS.half) & TO_26_BITS.kept)
 }
 
 /// How much each corner counts at the point where the ray passes, up to a common factor of either sign: twice the

@@ -8,6 +8,7 @@
 mod arrays;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
+pub(crate) mod batch;
 mod box_tree;
 mod collapse;
 mod divide;
@@ -16,6 +17,7 @@ mod node;
 mod object_split;
 pub(crate) mod portable;
 mod stack;
+pub(crate) mod tile;
 pub(crate) mod walk;
 
 use kd_core::{Hit, Mesh, Ray, TracedBytes, Tree};
@@ -142,26 +144,26 @@ impl WideTree {
         }
     }
 
-    /// [`intersect`](Self::intersect) for many rays, in a little less time than one by one.
+    /// [`intersect`](Self::intersect) for many rays. Runs of 64 of them, from the first one on, are traced together where
+    /// they go much the same way, for as long as they stay together; others one by one.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        let take = |number: usize, closest: Closest| hits[number] = closest.0;
-        self.level.walk_each_wide(self, rays, take);
+        self.level.closest_of_each(self, rays, hits);
     }
 
-    /// [`occluded`](Self::occluded) for many rays, in a little less time than one by one.
+    /// [`occluded`](Self::occluded) for many rays, together where they go much the same way, as by
+    /// [`intersect_batch`](Self::intersect_batch).
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        let take = |number: usize, any: Any| occluded[number] = any.0;
-        self.level.walk_each_wide(self, rays, take);
+        self.level.any_of_each(self, rays, occluded);
     }
 
     /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.

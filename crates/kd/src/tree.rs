@@ -176,6 +176,26 @@ impl KdTree {
 
     /// The closest hit of each ray, equal to single calls.
     ///
+    /// Runs of 64 rays, from the first one on, are traced together where they go much the same way: those of a camera,
+    /// pixel by pixel in tiles of 8 by 8 or in rows; shadow rays of neighbouring points to one light; parallel rays. Where
+    /// such rays part on their way, and where rays have nothing in common, they go one by one. Nothing need be said about
+    /// it: in the wide layout, batches find out themselves. All work is done on the calling thread.
+    ///
+    /// ```
+    /// use kd::glam::Vec3;
+    /// use kd::{BuildOptions, KdTree, Mesh, Ray};
+    ///
+    /// let corners = vec![[-9.0, -9.0, 5.0], [9.0, -9.0, 5.0], [0.0, 9.0, 5.0]];
+    /// let tree = KdTree::build(Mesh::new(corners, vec![[0, 1, 2]])?, &BuildOptions::default())?;
+    /// // A tile of pixels, row by row.
+    /// let pixels = (0..64_u8).map(|i| Vec3::new(f32::from(i % 8) - 3.5, f32::from(i / 8) - 3.5, 20.0));
+    /// let rays: Vec<Ray> = pixels.map(|pixel| Ray::new(Vec3::ZERO, pixel)).collect();
+    /// let mut hits = vec![None; rays.len()];
+    /// tree.intersect_batch(&rays, &mut hits);
+    /// assert_eq!(hits[27], tree.intersect(&rays[27]));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Panics
     ///
     /// If the slices differ in length.
@@ -183,7 +203,8 @@ impl KdTree {
         self.traced.intersect_batch(rays, hits);
     }
 
-    /// Whether each ray hits anything, equal to single calls.
+    /// Whether each ray hits anything, equal to single calls; rays that are alike are traced together, as by
+    /// [`intersect_batch`](Self::intersect_batch).
     ///
     /// # Panics
     ///

@@ -11,10 +11,8 @@
 
 use std::ops::ControlFlow;
 
-use kd_core::Ray;
-
 use super::WideTree;
-use super::node::{Child, WideNode};
+use super::node::{Child, WIDTH, WideNode};
 use super::stack::{Pending, Stack};
 use crate::block::Block;
 use crate::collect::Collect;
@@ -44,23 +42,6 @@ pub(crate) trait WideRay {
     ) -> ControlFlow<()>;
 }
 
-/// [`walk`] for one ray after the other, each with a collector of its own.
-#[inline(always)]
-pub(crate) fn walk_each<R: WideRay, C: Collect + Default>(
-    tree: &WideTree,
-    rays: &[Ray],
-    prepare: impl Fn(&Ray) -> Option<R>,
-    mut take: impl FnMut(usize, C),
-) {
-    for (number, ray) in rays.iter().enumerate() {
-        let mut collector = C::default();
-        if let Some(ray) = prepare(ray) {
-            walk(tree, &ray, &mut collector, &mut ());
-        }
-        take(number, collector);
-    }
-}
-
 /// Gives the collector every hit of the ray that it may want, roughly front to back.
 ///
 /// Always inlined, so that it is compiled for the instructions that its caller may use.
@@ -71,15 +52,46 @@ pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
     collector: &mut C,
     probe: &mut P,
 ) {
+    let root = tree.arrays().root();
+    // SAFETY: the root.
+    unsafe { walk_below(tree, ray, root, ray.end(), collector, probe) };
+}
+
+/// [`walk`] below one child, told as eight times the index of its node and its lane, up to `end`.
+#[inline(always)]
+pub(crate) fn walk_at<R: WideRay, C: Collect>(
+    tree: &WideTree,
+    ray: &R,
+    place: usize,
+    end: f32,
+    collector: &mut C,
+) {
+    let child = tree.arrays().nodes()[place / WIDTH].children[place % WIDTH];
+    // SAFETY: a child of a node of the tree.
+    unsafe { walk_below(tree, ray, child, end, collector, &mut ()) };
+}
+
+/// [`walk`] below one child, up to `end`.
+///
+/// # Safety
+///
+/// It is the root or a child of a node of the tree.
+#[inline(always)]
+unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
+    tree: &WideTree,
+    ray: &R,
+    mut child: Child,
+    end: f32,
+    collector: &mut C,
+    probe: &mut P,
+) {
     let mut stack = Stack::new();
     let mut pending = stack.pending();
-    let end = ray.end();
     let mut limit = end;
     let arrays = tree.arrays();
-    let mut child = arrays.root();
     loop {
         if child.is_leaf() {
-            // SAFETY: a leaf that is the root, or came out of a node.
+            // SAFETY: the caller's, or a leaf that came out of a node.
             let blocks = unsafe { arrays.leaf(child) };
             probe.leaf(blocks.iter().map(Block::count).sum());
             if ray.visit(blocks, limit, collector, probe).is_break() {
@@ -88,7 +100,7 @@ pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
             limit = min(ray.steps(collector.limit()), end);
         } else {
             probe.node();
-            // SAFETY: no leaf, but the root, or what came out of a node.
+            // SAFETY: the caller's, or what came out of a node, and no leaf.
             let node = unsafe { arrays.node(child) };
             if let Some(next) = ray.enter(node, limit, &mut pending) {
                 child = next;

@@ -11,5 +11,6 @@ mod rays;
 mod reference;
 mod rng;
 mod scenes;
+mod tiles;
 mod watertight;
 mod wide;

@@ -1,0 +1,394 @@
+//! Lanes in registers of AVX2.
+#![allow(
+    unsafe_code,
+    reason = "intrinsics; the portable twin is beside it, and a test holds both against each other"
+)]
+#![allow(
+    clippy::multiple_unsafe_ops_per_block,
+    reason = "one instruction after the other, each as safe as the next: what makes them so is that there is AVX2"
+)]
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+
+use super::{F32x8, F64x8, LANES, Mask, Number, Simd, Task};
+
+/// Proof that the processor has AVX2, and FMA, POPCNT, LZCNT and BMI1 with it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2(());
+
+impl Avx2 {
+    /// # Safety
+    ///
+    /// The processor has AVX2, FMA, POPCNT, LZCNT and BMI1.
+    #[inline(always)]
+    pub(crate) const unsafe fn new() -> Self {
+        Self(())
+    }
+}
+
+/// Eight numbers. Made by means of an [`Avx2`] only, as are those below.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Floats(__m256);
+
+/// Eight numbers. (Two registers, so that there is something to do while one of a chain of operations takes its time.)
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Doubles([__m256d; 2]);
+
+/// For each of eight lanes, all bits or none.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FloatMask(__m256);
+
+/// For each of eight lanes, all bits or none.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DoubleMask([__m256d; 2]);
+
+impl Simd for Avx2 {
+    type F32 = Floats;
+    type F64 = Doubles;
+
+    #[inline(never)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        // SAFETY: there is an `Avx2`.
+        unsafe { run(task) }
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Floats {
+        // SAFETY: there is an `Avx2`.
+        Floats(unsafe { _mm256_set1_ps(x) })
+    }
+
+    #[inline(always)]
+    fn load(self, from: &[f32; LANES]) -> Floats {
+        // SAFETY: there is an `Avx2`, and eight numbers to read.
+        Floats(unsafe { _mm256_loadu_ps(from.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn transpose(self, [a, b, c, d, e, f, g, h]: [&[f32; LANES]; LANES]) -> [Floats; LANES] {
+        let rows = [a, b, c, d, e, f, g, h];
+        let [mut x, mut y] = [[self.splat(0.0).0; LANES]; 2];
+        for (x, row) in x.iter_mut().zip(rows) {
+            *x = self.load(row).0;
+        }
+        // SAFETY: there is an `Avx2`.
+        unsafe {
+            // Pairs of rows, then fours, then both halves.
+            for i in 0..4 {
+                y[2 * i] = _mm256_unpacklo_ps(x[2 * i], x[2 * i + 1]);
+                y[2 * i + 1] = _mm256_unpackhi_ps(x[2 * i], x[2 * i + 1]);
+            }
+            for i in 0..2 {
+                let [p, q, r, s] = [y[4 * i], y[4 * i + 1], y[4 * i + 2], y[4 * i + 3]];
+                x[4 * i] = _mm256_shuffle_ps::<0b01_00_01_00>(p, r);
+                x[4 * i + 1] = _mm256_shuffle_ps::<0b11_10_11_10>(p, r);
+                x[4 * i + 2] = _mm256_shuffle_ps::<0b01_00_01_00>(q, s);
+                x[4 * i + 3] = _mm256_shuffle_ps::<0b11_10_11_10>(q, s);
+            }
+            for i in 0..4 {
+                y[i] = _mm256_permute2f128_ps::<0x20>(x[i], x[4 + i]);
+                y[4 + i] = _mm256_permute2f128_ps::<0x31>(x[i], x[4 + i]);
+            }
+        }
+        let [a, b, c, d, e, f, g, h] = y;
+        [
+            Floats(a),
+            Floats(b),
+            Floats(c),
+            Floats(d),
+            Floats(e),
+            Floats(f),
+            Floats(g),
+            Floats(h),
+        ]
+    }
+
+    #[inline(always)]
+    fn splat_f64(self, x: f64) -> Doubles {
+        // SAFETY: there is an `Avx2`.
+        Doubles([unsafe { _mm256_set1_pd(x) }; 2])
+    }
+
+    #[inline(always)]
+    fn widen(self, from: &[f32; LANES]) -> Doubles {
+        let all = self.load(from).0;
+        // SAFETY: there is an `Avx2`.
+        let (low, high) = unsafe { (_mm256_castps256_ps128(all), _mm256_extractf128_ps::<1>(all)) };
+        // SAFETY: the same.
+        Doubles(unsafe { [_mm256_cvtps_pd(low), _mm256_cvtps_pd(high)] })
+    }
+}
+
+/// What each register of some lanes goes through, with those of other lanes.
+macro_rules! each {
+    ($lanes:ident, $instruction:expr, $a:expr, $b:expr, one) => {{
+        // SAFETY: there are such lanes, so there is AVX2.
+        $lanes(unsafe { $instruction($a.0, $b.0) })
+    }};
+    ($lanes:ident, $instruction:expr, $a:expr, $b:expr, two) => {{
+        let ([a, b], [c, d]) = ($a.0, $b.0);
+        // SAFETY: there are such lanes, so there is AVX2.
+        $lanes(unsafe { [$instruction(a, c), $instruction(b, d)] })
+    }};
+}
+
+/// An operator that is an instruction.
+macro_rules! operator {
+    ($lanes:ident, $count:ident: $($trait:ident $function:ident $instruction:ident),* $(,)?) => {$(
+        impl $trait for $lanes {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                each!(Self, $instruction, self, other, $count)
+            }
+        }
+    )*};
+}
+
+operator!(
+    Floats, one:
+    Add add _mm256_add_ps,
+    Sub sub _mm256_sub_ps,
+    Mul mul _mm256_mul_ps,
+    Div div _mm256_div_ps,
+);
+operator!(
+    Doubles, two:
+    Add add _mm256_add_pd,
+    Sub sub _mm256_sub_pd,
+    Mul mul _mm256_mul_pd,
+    Div div _mm256_div_pd,
+);
+operator!(FloatMask, one: BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
+operator!(DoubleMask, two: BitAnd bitand _mm256_and_pd, BitOr bitor _mm256_or_pd);
+
+/// The rest of what both kinds of lanes can do.
+macro_rules! numbers {
+    ($lanes:ident, $mask:ident, $count:ident, $andnot:ident, $min:ident, $max:ident, $compare:ident, $xor:ident) => {
+        impl Number for $lanes {
+            type Mask = $mask;
+
+            #[inline(always)]
+            fn abs(self) -> Self {
+                each!(Self, $andnot, Self::sign(), self, $count)
+            }
+
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                each!(Self, $min, self, other, $count)
+            }
+
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                each!(Self, $max, self, other, $count)
+            }
+
+            #[inline(always)]
+            fn le(self, other: Self) -> $mask {
+                each!($mask, $compare::<_CMP_LE_OQ>, self, other, $count)
+            }
+
+            #[inline(always)]
+            fn lt(self, other: Self) -> $mask {
+                each!($mask, $compare::<_CMP_LT_OQ>, self, other, $count)
+            }
+
+            #[inline(always)]
+            fn ne(self, other: Self) -> $mask {
+                each!($mask, $compare::<_CMP_NEQ_UQ>, self, other, $count)
+            }
+
+            #[inline(always)]
+            fn or(self, mask: $mask, other: Self) -> Self {
+                self.blend(mask, other)
+            }
+        }
+
+        impl Not for $mask {
+            type Output = Self;
+
+            #[inline(always)]
+            fn not(self) -> Self {
+                each!(Self, $xor, self, Self::all(), $count)
+            }
+        }
+    };
+}
+
+numbers!(
+    Floats,
+    FloatMask,
+    one,
+    _mm256_andnot_ps,
+    _mm256_min_ps,
+    _mm256_max_ps,
+    _mm256_cmp_ps,
+    _mm256_xor_ps
+);
+numbers!(
+    Doubles,
+    DoubleMask,
+    two,
+    _mm256_andnot_pd,
+    _mm256_min_pd,
+    _mm256_max_pd,
+    _mm256_cmp_pd,
+    _mm256_xor_pd
+);
+
+impl Floats {
+    /// The bit of the sign alone. There must be other lanes already.
+    #[inline(always)]
+    fn sign() -> Self {
+        // SAFETY: called for such lanes only, so there is AVX2.
+        Self(unsafe { _mm256_set1_ps(-0.0) })
+    }
+
+    #[inline(always)]
+    fn blend(self, mask: FloatMask, other: Self) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { _mm256_blendv_ps(other.0, self.0, mask.0) })
+    }
+}
+
+impl Doubles {
+    /// The bit of the sign alone. There must be other lanes already.
+    #[inline(always)]
+    fn sign() -> Self {
+        // SAFETY: called for such lanes only, so there is AVX2.
+        Self([unsafe { _mm256_set1_pd(-0.0) }; 2])
+    }
+
+    #[inline(always)]
+    fn blend(self, mask: DoubleMask, other: Self) -> Self {
+        let ([a, b], [c, d], [m, n]) = (self.0, other.0, mask.0);
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { [_mm256_blendv_pd(c, a, m), _mm256_blendv_pd(d, b, n)] })
+    }
+}
+
+impl FloatMask {
+    /// All bits. There must be other lanes already.
+    #[inline(always)]
+    fn all() -> Self {
+        // SAFETY: called for such lanes only, so there is AVX2.
+        Self(unsafe { _mm256_set1_ps(f32::from_bits(u32::MAX)) })
+    }
+}
+
+impl DoubleMask {
+    /// All bits. There must be other lanes already.
+    #[inline(always)]
+    fn all() -> Self {
+        // SAFETY: called for such lanes only, so there is AVX2.
+        Self([unsafe { _mm256_set1_pd(f64::from_bits(u64::MAX)) }; 2])
+    }
+}
+
+impl Mask for FloatMask {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        // SAFETY: there are such lanes, so there is AVX2.
+        unsafe { _mm256_movemask_ps(self.0) }.cast_unsigned()
+    }
+}
+
+impl Mask for DoubleMask {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        let [a, b] = self.0;
+        // SAFETY: there are such lanes, so there is AVX2.
+        let (a, b) = unsafe { (_mm256_movemask_pd(a), _mm256_movemask_pd(b)) };
+        (a | b << 4).cast_unsigned()
+    }
+}
+
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn run<T: Task>(task: T) -> T::Output {
+    task.run()
+}
+
+/// The same, without the compiler knowing. It makes one instruction of a load, a choice and a store to the same place, and
+/// of that one a processor of Zen 3 makes forty.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn opaque(mut lanes: __m256) -> __m256 {
+    // SAFETY: there are no instructions.
+    unsafe {
+        std::arch::asm!("/* {0} */", inout(ymm_reg) lanes, options(pure, nomem, nostack, preserves_flags));
+    }
+    lanes
+}
+
+impl F32x8 for Floats {
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        // SAFETY: there are such lanes, so there are AVX2 and FMA.
+        Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; LANES]) {
+        // SAFETY: there are such lanes, so there is AVX2, and room for eight.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) };
+    }
+
+    #[inline(always)]
+    fn store_where(self, mask: FloatMask, to: &mut [f32; LANES]) {
+        // SAFETY: there are such lanes, so there is AVX2, and eight numbers to read.
+        let old = Self(unsafe { _mm256_loadu_ps(to.as_ptr()) });
+        // SAFETY: the same.
+        Self(unsafe { opaque(self.blend(mask, old).0) }).store(to);
+    }
+
+    #[inline(always)]
+    fn put(mask: FloatMask, number: u32, to: &mut [u32; LANES]) {
+        // SAFETY: there are such lanes, so there is AVX2.
+        let new = Self(unsafe { _mm256_set1_ps(f32::from_bits(number)) });
+        // Whatever bits they have, they are only copied.
+        new.store_where(mask, bytemuck::must_cast_mut(to));
+    }
+}
+
+impl F64x8 for Doubles {
+    #[inline(always)]
+    fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        let (add, mask) = unsafe {
+            (
+                _mm256_set1_epi64x(add.cast_signed()),
+                _mm256_set1_epi64x(mask.cast_signed()),
+            )
+        };
+        let [a, b] = self.0;
+        // SAFETY: the same.
+        let [a, b] = unsafe {
+            [
+                _mm256_add_epi64(_mm256_castpd_si256(a), add),
+                _mm256_add_epi64(_mm256_castpd_si256(b), add),
+            ]
+        };
+        // SAFETY: the same.
+        Self(unsafe {
+            [
+                _mm256_castsi256_pd(_mm256_and_si256(a, mask)),
+                _mm256_castsi256_pd(_mm256_and_si256(b, mask)),
+            ]
+        })
+    }
+
+    #[inline(always)]
+    fn narrow(self) -> [f32; LANES] {
+        let [a, b] = self.0;
+        let mut array = [0.0; LANES];
+        // SAFETY: there are such lanes, so there is AVX2, and room for eight.
+        unsafe {
+            let all = _mm256_set_m128(_mm256_cvtpd_ps(b), _mm256_cvtpd_ps(a));
+            _mm256_storeu_ps(array.as_mut_ptr(), all);
+        }
+        array
+    }
+}

@@ -1,0 +1,209 @@
+//! Neighbouring rays that go much the same way, in tiles of up to 64.
+//!
+//! A tile goes down the tree as one ([`trace`]): at each node its frustum is tested against eight children at once, and where
+//! it meets one, the frusta of its groups of eight rays against that one. Where a leaf is met, its triangles are prepared once
+//! for all rays, and tested against groups before single rays ([`leaf`]). Nothing here decides what is a hit: rays keep the
+//! triangle that they hit first as far as f32 can tell, and in the end eight rays at a time are decided with theirs
+//! ([`decide`]). Where f32 cannot tell, a triangle is decided at once. Where few rays of a tile are left, they go on one by
+//! one ([`alone`]).
+//!
+//! (After A. Reshetov, A. Soupikov, J. Hurley, *Multi-Level Ray Tracing Algorithm*, 2005; I. Wald, S. Boulos, P. Shirley,
+//! *Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies*, 2007; A. Reshetov, *Faster Ray Packets -
+//! Triangle Intersection through Vertex Culling*, 2007.)
+
+mod alone;
+mod decide;
+mod frustum;
+mod gather;
+mod leaf;
+mod trace;
+
+use kd_core::{Hit, Ray};
+
+use super::WideTree;
+use super::walk::WideRay;
+use crate::float::{max, min};
+use crate::lanes::{LANES, Simd};
+pub(crate) use alone::Alone;
+use decide::{Turned, Waiting};
+use frustum::Frustum;
+use leaf::{Edges, Range, TERMS, TERMS_FROM_APEX, View};
+use trace::Tracer;
+
+/// Rays in a tile, at most.
+pub(crate) const RAYS: usize = 64;
+/// Groups of as many rays as there are lanes.
+const GROUPS: usize = RAYS / LANES;
+/// A number for each ray, by groups.
+type PerRay<T> = [[T; LANES]; GROUPS];
+
+/// Stands where a ray has no triangle.
+const NOTHING: u32 = u32::MAX;
+/// A depth that no ray reaches.
+const OVER: f32 = f32::NEG_INFINITY;
+
+/// What is known of up to 64 rays while they are traced: [`gather`] takes them, [`closest`] or [`any`] traces them.
+#[derive(Debug)]
+pub(crate) struct Tile {
+    view: View,
+    /// Whether all rays start at the apex.
+    is_apex: bool,
+    turned: Turned,
+    /// What tells rays from the central one.
+    terms: [PerRay<f32>; TERMS],
+    /// Depths where rays are at `t = 0`.
+    from: PerRay<f32>,
+    /// Depths between which a hit counts: where the ray starts, and where it ends or surely hits something.
+    start: PerRay<f32>,
+    limit: PerRay<f32>,
+    /// How much deeper the ray is at `t + 1`.
+    speed: PerRay<f32>,
+    /// The triangle that is met first, where no other is as near, as eight times its block and its lane.
+    place: PerRay<u32>,
+    /// Where, at the nearest.
+    nearest: PerRay<f32>,
+    groups: Frustum<[f32; LANES]>,
+    ranges: [Range; TERMS],
+    /// The frustum of all rays, in all lanes.
+    whole: Frustum<[f32; LANES]>,
+    /// A stack: as long as it has been needed so far.
+    pending: Vec<Pending>,
+    edges: Edges,
+}
+
+/// A child to visit later.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pending {
+    /// Eight times the index of the node, and the lane.
+    place: usize,
+    enter: f32,
+}
+
+impl Tile {
+    /// No rays.
+    pub(crate) fn new() -> Self {
+        Self {
+            view: View::default(),
+            is_apex: true,
+            turned: Turned::default(),
+            terms: Default::default(),
+            from: Default::default(),
+            start: Default::default(),
+            limit: Default::default(),
+            speed: Default::default(),
+            place: Default::default(),
+            nearest: Default::default(),
+            groups: Frustum::default(),
+            ranges: Default::default(),
+            whole: Frustum::default(),
+            pending: Vec::new(),
+            edges: Edges::default(),
+        }
+    }
+
+    /// Takes a hit that has been decided.
+    #[inline(always)]
+    fn take(&mut self, number: usize, hit: &Hit, hits: &mut [Option<Hit>]) {
+        let (group, lane) = (number / LANES, number % LANES);
+        let best = &mut hits[number];
+        if best.is_none_or(|best| hit.is_before(&best)) {
+            *best = Some(*hit);
+        }
+        // Rounded three times; rounded on.
+        let depth = self.from[group][lane] + hit.t * self.speed[group][lane];
+        let limit = &mut self.limit[group][lane];
+        *limit = min(depth * (1.0 + 4.0 * f32::EPSILON), *limit);
+    }
+}
+
+/// The closest hits of rays that have been gathered.
+#[inline(always)]
+pub(crate) fn closest<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>>(
+    simd: S,
+    tree: &WideTree,
+    rays: &[Ray],
+    tile: &mut Tile,
+    alone: &mut Alone<R, F>,
+    hits: &mut [Option<Hit>],
+) {
+    macro_rules! trace {
+        ($terms:expr) => {
+            simd.apart(Tracer::<S, R, F, false, $terms> {
+                simd,
+                tree,
+                rays,
+                tile,
+                alone,
+                hits,
+            })
+        };
+    }
+    hits.fill(None);
+    if tile.is_apex {
+        trace!(TERMS_FROM_APEX);
+    } else {
+        trace!(TERMS);
+    }
+    simd.apart(Waiting {
+        simd,
+        blocks: tree.arrays().blocks(),
+        tile,
+        hits,
+    });
+}
+
+/// Whether rays that have been gathered hit anything.
+#[inline(always)]
+pub(crate) fn any<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>>(
+    simd: S,
+    tree: &WideTree,
+    rays: &[Ray],
+    tile: &mut Tile,
+    alone: &mut Alone<R, F>,
+    occluded: &mut [bool],
+) {
+    macro_rules! trace {
+        ($terms:expr) => {
+            simd.apart(Tracer::<S, R, F, true, $terms> {
+                simd,
+                tree,
+                rays,
+                tile,
+                alone,
+                hits: &mut [],
+            })
+        };
+    }
+    if tile.is_apex {
+        trace!(TERMS_FROM_APEX);
+    } else {
+        trace!(TERMS);
+    }
+    let limits = tile.limit.as_flattened();
+    for (occluded, limit) in occluded.iter_mut().zip(limits) {
+        *occluded = *limit == OVER;
+    }
+}
+
+/// The largest of eight numbers.
+#[inline(always)]
+fn most(of: &[f32; LANES]) -> f32 {
+    folded(of, max)
+}
+
+/// The smallest of eight numbers.
+#[inline(always)]
+fn least(of: &[f32; LANES]) -> f32 {
+    folded(of, min)
+}
+
+#[inline(always)]
+fn folded(of: &[f32; LANES], fold: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut all = *of;
+    for half in [4, 2, 1] {
+        for lane in 0..half {
+            all[lane] = fold(all[lane], all[lane + half]);
+        }
+    }
+    all[0]
+}

@@ -1,0 +1,77 @@
+//! Rays of a tile that go on one by one, where they part.
+//!
+//! (After C. Benthin, I. Wald, S. Woop, M. Ernst, W. R. Mark, *Combining Single and Packet-Ray Tracing for Arbitrary Ray
+//! Distributions on the Intel MIC Architecture*, 2012.)
+
+use kd_core::Ray;
+
+use super::RAYS;
+
+/// Work from which on a tile looks whether it pays: more than that of rays that stay together.
+const PATIENCE: u32 = 48;
+
+/// The rays of a tile, each prepared when it is first needed.
+pub(crate) struct Alone<R, F> {
+    prepare: F,
+    rays: Vec<Option<R>>,
+    /// A bit for each ray that is prepared.
+    ready: u64,
+    /// What the tile has done, roughly in boxes that groups were tested against.
+    work: u32,
+    /// How much of it there was at the beginning: as if more had been done, where the last tile was wary.
+    begin: u32,
+}
+
+impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
+    pub(crate) fn new(prepare: F) -> Self {
+        Self {
+            prepare,
+            rays: Vec::new(),
+            ready: 0,
+            work: 0,
+            begin: 0,
+        }
+    }
+
+    /// A new tile.
+    #[inline(always)]
+    pub(super) fn begin(&mut self) {
+        self.ready = 0;
+        self.work = self.begin;
+    }
+
+    /// The tile is done.
+    #[inline(always)]
+    pub(super) fn end(&mut self) {
+        self.begin = if self.work > PATIENCE {
+            PATIENCE / 2
+        } else {
+            0
+        };
+    }
+
+    #[inline(always)]
+    pub(super) fn work(&mut self, amount: u32) {
+        self.work += amount;
+    }
+
+    /// Whether it is to be seen how many rays meet a box.
+    #[inline(always)]
+    pub(super) fn is_wary(&mut self) -> bool {
+        self.work += 1;
+        self.work > PATIENCE
+    }
+
+    /// One of the rays of the tile; `None` if it cannot hit anything.
+    #[inline(always)]
+    pub(super) fn ray(&mut self, number: usize, rays: &[Ray]) -> Option<&R> {
+        if self.rays.is_empty() {
+            self.rays.resize_with(RAYS, || None);
+        }
+        if self.ready >> number & 1 == 0 {
+            self.ready |= 1 << number;
+            self.rays[number] = (self.prepare)(&rays[number]);
+        }
+        self.rays[number].as_ref()
+    }
+}

@@ -1,0 +1,285 @@
+//! What bounds rays that go much the same way, and which boxes it meets.
+//!
+//! Depth z is measured from a point, the apex, along the axis on which the rays move most, so that no ray goes backwards and
+//! no slope across is steeper than 1: there is nothing to invert, and a ray that is parallel to an axis is like any other.
+//! Across, the lowest of some rays is a concave function of the depth, and so nowhere below the line between its values at
+//! two depths: each side of a frustum is such a line. Within a box, between the depths of its near and its far face, the
+//! rays are above the lower of the line's values there. Which one that is depends on the sign of its slope: so slopes are
+//! kept in two parts, of which one is zero.
+//!
+//! The bound of [`planes`](crate::planes) is on distances between faces and hits, times `|1/d|`, so here faces are moved by
+//! the distances alone. What is different is what rounds: places and slopes of lines, their products with a depth, and sums
+//! with the apex's coordinate, each by u = 2⁻²⁴. Where a product is more than twice the largest distance Q between the apex
+//! and a face, the answer is right whatever it is rounded to; elsewhere all of it is below 16 u (Q + P) + 8 u A, with the
+//! apex's coordinate A, and P for the largest distance between the apex and a ray's start, and between it and the place where
+//! the ray is at depth 0. Twice that is added.
+
+use super::leaf::View;
+use crate::lanes::{F32x8, LANES, Number, Simd};
+use crate::planes::{Frame, PER_REACH};
+use crate::wide::node::WideNode;
+
+/// 2⁻¹⁹, of distances.
+const PER_DISTANCE: f32 = 1.0 / (1 << 19) as f32;
+/// 2⁻²⁰, of the apex's coordinates.
+const PER_COORDINATE: f32 = 1.0 / (1 << 20) as f32;
+
+/// 2⁻¹⁰⁰.
+const LEAST_DEPTH: f32 = f32::from_bits((127 - 100) << 23);
+
+/// Where depth is 0, in the order across, across, along.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Apex {
+    pub(super) at: [f32; 3],
+    /// 1 where depth grows with the coordinate, or -1.
+    pub(super) sign: f32,
+    /// How far faces are moved.
+    pad: [f32; 3],
+    /// No box is deeper.
+    pub(super) deepest: f32,
+}
+
+impl Apex {
+    /// `axes` are its axes, `apart` how far from it rays start or pass.
+    pub(super) fn new(
+        at: [f32; 3],
+        sign: f32,
+        axes: [usize; 3],
+        apart: f32,
+        frame: &Frame,
+    ) -> Self {
+        let [lower, upper] = &frame.corners;
+        let mut distances = [0.0; 3];
+        for (i, axis) in axes.into_iter().enumerate() {
+            distances[i] = (lower[axis] - at[i]).abs().max((upper[axis] - at[i]).abs());
+        }
+        let reach = distances.into_iter().fold(apart, f32::max);
+        let mut pad = [0.0; 3];
+        for (i, pad) in pad.iter_mut().enumerate() {
+            *pad = frame.distance
+                + PER_REACH * reach
+                + PER_DISTANCE * (distances[i] + apart)
+                + PER_COORDINATE * at[i].abs();
+        }
+        let last = if sign < 0.0 { lower } else { upper };
+        Self {
+            at,
+            sign,
+            pad,
+            // Above zero, so that slopes can be told from it.
+            deepest: (sign * (last[axes[2]] - at[2]) + pad[2]).max(LEAST_DEPTH),
+        }
+    }
+
+    /// Which faces are near and which far.
+    #[inline(always)]
+    fn sides(&self) -> [usize; 2] {
+        if self.sign < 0.0 { [1, 0] } else { [0, 1] }
+    }
+}
+
+/// Where some rays are across at most, by depth, and the depths between which they count.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Frustum<F> {
+    lo: [Line<F>; 2],
+    hi: [Line<F>; 2],
+    pub(super) start: F,
+    pub(super) limit: F,
+}
+
+/// A place that changes with depth.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Line<F> {
+    /// At depth 0.
+    at: F,
+    /// Its slope if that is positive, or else zero.
+    up: F,
+    /// Its slope if that is negative, or else zero.
+    down: F,
+}
+
+impl<F: Number> Line<F> {
+    /// Through a coordinate at depth 0.
+    #[inline(always)]
+    fn new<S: Simd<F32 = F>>(simd: S, at: F, slope: F) -> Self {
+        let zero = simd.splat(0.0);
+        Self {
+            at,
+            up: slope.max(zero),
+            down: slope.min(zero),
+        }
+    }
+
+    #[inline(always)]
+    fn store<S: Simd<F32 = F>>(self, _: S, to: &mut Line<[f32; LANES]>)
+    where
+        F: F32x8,
+    {
+        self.at.store(&mut to.at);
+        self.up.store(&mut to.up);
+        self.down.store(&mut to.down);
+    }
+}
+
+impl Line<[f32; LANES]> {
+    #[inline(always)]
+    fn load<S: Simd>(&self, simd: S) -> Line<S::F32> {
+        Line {
+            at: simd.load(&self.at),
+            up: simd.load(&self.up),
+            down: simd.load(&self.down),
+        }
+    }
+
+    #[inline(always)]
+    fn splat<S: Simd>(&self, simd: S, lane: usize) -> Line<S::F32> {
+        Line {
+            at: simd.splat(self.at[lane]),
+            up: simd.splat(self.up[lane]),
+            down: simd.splat(self.down[lane]),
+        }
+    }
+}
+
+/// Eight frusta side by side.
+impl Frustum<[f32; LANES]> {
+    /// Those of rays that are across, from the apex, between the first of two numbers and the second: at depth 0, and how
+    /// that changes with depth.
+    #[inline(always)]
+    pub(super) fn set<S: Simd>(
+        &mut self,
+        simd: S,
+        apex: &Apex,
+        axis: usize,
+        at: [S::F32; 2],
+        slope: [S::F32; 2],
+    ) {
+        let lo = at[0] + simd.splat(apex.at[axis] - apex.pad[axis]);
+        let hi = at[1] + simd.splat(apex.at[axis] + apex.pad[axis]);
+        Line::new(simd, lo, slope[0]).store(simd, &mut self.lo[axis]);
+        Line::new(simd, hi, slope[1]).store(simd, &mut self.hi[axis]);
+    }
+
+    /// One of them, in all lanes.
+    #[inline(always)]
+    pub(super) fn splat<S: Simd>(&self, simd: S, lane: usize) -> Frustum<S::F32> {
+        let ([lo_x, lo_y], [hi_x, hi_y]) = (&self.lo, &self.hi);
+        Frustum {
+            lo: [lo_x.splat(simd, lane), lo_y.splat(simd, lane)],
+            hi: [hi_x.splat(simd, lane), hi_y.splat(simd, lane)],
+            start: simd.splat(self.start[lane]),
+            limit: simd.splat(self.limit[lane]),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(&self, simd: S) -> Frustum<S::F32> {
+        let ([lo_x, lo_y], [hi_x, hi_y]) = (&self.lo, &self.hi);
+        Frustum {
+            lo: [lo_x.load(simd), lo_y.load(simd)],
+            hi: [hi_x.load(simd), hi_y.load(simd)],
+            start: simd.load(&self.start),
+            limit: simd.load(&self.limit),
+        }
+    }
+}
+
+/// Boxes, in the order of the apex's axes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Boxes<F> {
+    min: [F; 2],
+    max: [F; 2],
+    /// The faces through which rays enter and leave along.
+    near: F,
+    far: F,
+}
+
+impl<F> Boxes<F> {
+    /// The boxes of a node's children.
+    #[inline(always)]
+    pub(super) fn of_children<S: Simd<F32 = F>>(simd: S, view: &View, node: &WideNode) -> Self {
+        let ([x, y, along], [near, far]) = (view.axes, view.apex.sides());
+        let faces = &node.faces;
+        Self {
+            min: [simd.load(&faces[x][0]), simd.load(&faces[y][0])],
+            max: [simd.load(&faces[x][1]), simd.load(&faces[y][1])],
+            near: simd.load(&faces[along][near]),
+            far: simd.load(&faces[along][far]),
+        }
+    }
+
+    /// The box of one of them, in all lanes.
+    #[inline(always)]
+    pub(super) fn of_child<S: Simd<F32 = F>>(
+        simd: S,
+        view: &View,
+        node: &WideNode,
+        lane: usize,
+    ) -> Self {
+        let ([x, y, along], [near, far]) = (view.axes, view.apex.sides());
+        let faces = &node.faces;
+        Self {
+            min: [simd.splat(faces[x][0][lane]), simd.splat(faces[y][0][lane])],
+            max: [simd.splat(faces[x][1][lane]), simd.splat(faces[y][1][lane])],
+            near: simd.splat(faces[along][near][lane]),
+            far: simd.splat(faces[along][far][lane]),
+        }
+    }
+}
+
+/// Which boxes the frusta may meet, and from which depth on: one frustum and eight boxes, or one box and eight frusta.
+#[inline(always)]
+pub(super) fn meet<S: Simd>(
+    simd: S,
+    apex: &Apex,
+    frusta: &Frustum<S::F32>,
+    boxes: &Boxes<S::F32>,
+) -> (<S::F32 as Number>::Mask, S::F32) {
+    let sign = simd.splat(apex.sign);
+    let from_apex = -apex.sign * apex.at[2];
+    let near = boxes
+        .near
+        .mul_add(sign, simd.splat(from_apex - apex.pad[2]));
+    let far = boxes.far.mul_add(sign, simd.splat(from_apex + apex.pad[2]));
+    let (near, far) = (near.max(frusta.start), far.min(frusta.limit));
+    let mut is_met = near.le(far);
+    for axis in 0..2 {
+        let (lo, hi) = (frusta.lo[axis], frusta.hi[axis]);
+        let least = far.mul_add(lo.down, near.mul_add(lo.up, lo.at));
+        let most = near.mul_add(hi.down, far.mul_add(hi.up, hi.at));
+        is_met = is_met & least.le(boxes.max[axis]) & boxes.min[axis].le(most);
+    }
+    (is_met, near)
+}
+
+/// Which of eight rays may meet a box, from where they are across at depth 0, from the apex, their slopes, and between which
+/// depths they count.
+#[inline(always)]
+pub(super) fn meet_each<S: Simd>(
+    simd: S,
+    apex: &Apex,
+    at: [S::F32; 2],
+    slope: [S::F32; 2],
+    [start, limit]: [S::F32; 2],
+    boxes: &Boxes<S::F32>,
+) -> <S::F32 as Number>::Mask {
+    let sign = simd.splat(apex.sign);
+    let from_apex = -apex.sign * apex.at[2];
+    let near = boxes
+        .near
+        .mul_add(sign, simd.splat(from_apex - apex.pad[2]));
+    let far = boxes.far.mul_add(sign, simd.splat(from_apex + apex.pad[2]));
+    let (near, far) = (near.max(start), far.min(limit));
+    let mut is_met = near.le(far);
+    for axis in 0..2 {
+        let (there, pad) = (simd.splat(apex.at[axis]), simd.splat(apex.pad[axis]));
+        let ends = [
+            slope[axis].mul_add(near, at[axis]) + there,
+            slope[axis].mul_add(far, at[axis]) + there,
+        ];
+        let least = ends[0].min(ends[1]) - pad;
+        let most = ends[0].max(ends[1]) + pad;
+        is_met = is_met & least.le(boxes.max[axis]) & boxes.min[axis].le(most);
+    }
+    is_met
+}

@@ -1,0 +1,364 @@
+//! Whether rays can be traced as a tile, and what they have in common.
+//!
+//! Rays are read eight at a time and turned into lanes, a ray each. What groups have in common comes out of turning them once
+//! more: the same ray of every group side by side, so that the least of all is what is least of each group.
+
+use kd_core::Ray;
+
+use super::frustum::Apex;
+use super::leaf::{MOST_SPREAD, View};
+use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile, least, most};
+use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task};
+use crate::planes::Frame;
+
+/// Sizes of directions: within these no depth underflows or overflows.
+const LEAST_DIRECTION: f32 = 1.0 / (1 << 20) as f32;
+const MOST_DIRECTION: f32 = (1 << 20) as f32;
+/// Of coordinates, so that products of three differences do not overflow.
+const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
+
+/// A little more than a number that has been rounded a few times.
+const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
+
+const _: () = assert!(GROUPS == LANES, "a lane for each group");
+
+/// Rays that may be a tile.
+struct Gather<'a, S> {
+    simd: S,
+    tile: &'a mut Tile,
+    rays: &'a [Ray],
+    frame: &'a Frame,
+}
+
+impl<S: Simd> Task for Gather<'_, S> {
+    /// Whether they are.
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        self.tile.gather_with(self.simd, self.rays, self.frame)
+    }
+}
+
+impl Tile {
+    /// Takes up to 64 rays; false if they are not alike enough.
+    ///
+    /// What is asked: that they move most on the same axis, and the same way; that their slopes differ by no more than
+    /// [`MOST_SPREAD`] from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more.
+    pub(crate) fn gather<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
+        simd.apart(Gather {
+            simd,
+            tile: self,
+            rays,
+            frame,
+        })
+    }
+
+    #[inline(always)]
+    fn gather_with<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
+        debug_assert!(!rays.is_empty() && rays.len() <= RAYS, "a tile");
+        let first = &rays[0];
+        let size = first.direction.abs();
+        let axes = if size.x >= size.y && size.x >= size.z {
+            [1, 2, 0]
+        } else if size.y >= size.z {
+            [2, 0, 1]
+        } else {
+            [0, 1, 2]
+        };
+        let sign = if first.direction[axes[2]] < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let Some(is_apex) = self.read(simd, rays, axes, sign) else {
+            return false;
+        };
+        let slopes = [
+            extremes(simd, &self.terms[0]),
+            extremes(simd, &self.terms[1]),
+        ];
+        let [x, y] = [slopes[0].of_all(), slopes[1].of_all()];
+        let center = [0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1])];
+        let spread = (x[1] - center[0]).max(y[1] - center[1]) * MORE;
+        let corners = frame.corners.as_flattened();
+        let is_usual = corners.iter().all(|x| x.abs() <= MOST_COORDINATE);
+        if !(spread <= MOST_SPREAD && is_usual) {
+            return false;
+        }
+        let mut at = axes.map(|axis| first.origin[axis]);
+        let mut apart = 0.0;
+        if is_apex {
+            self.from = PerRay::default();
+        } else {
+            (at[2], apart) = self.set_apart(simd, at, sign);
+        }
+        let apex = Apex::new(at, sign, axes, apart, frame);
+        let octant = (0..3).fold(0, |octant, i| {
+            let is_down = if i == 2 { sign < 0.0 } else { center[i] < 0.0 };
+            octant | usize::from(is_down) << axes[i]
+        });
+        self.view = View {
+            apex,
+            axes,
+            octant,
+            slope: center,
+            spread,
+            apart,
+        };
+        self.is_apex = is_apex;
+
+        for axis in 0..2 {
+            let slopes = &slopes[axis];
+            if is_apex {
+                let zero = simd.splat(0.0);
+                let all = slopes.of_all().map(|slope| simd.splat(slope));
+                let bounds = [slopes.least, slopes.most];
+                self.groups.set(simd, &apex, axis, [zero; 2], bounds);
+                self.whole.set(simd, &apex, axis, [zero; 2], all);
+            } else {
+                self.bound(simd, axis);
+            }
+        }
+        for axis in 0..2 {
+            self.set_range(simd, axis, &slopes[axis], center[axis]);
+            let center = simd.splat(center[axis]);
+            for slopes in &mut self.terms[axis] {
+                (simd.load(slopes) - center).store(slopes);
+            }
+        }
+        if !is_apex {
+            let [a, b, c, d, cross] = &mut self.terms;
+            for group in 0..GROUPS {
+                let (a, b) = (simd.load(&a[group]), simd.load(&b[group]));
+                let (c, d) = (simd.load(&c[group]), simd.load(&d[group]));
+                (b * c - a * d).store(&mut cross[group]);
+            }
+            for term in 2..self.terms.len() {
+                let extremes = extremes(simd, &self.terms[term]);
+                self.set_range(simd, term, &extremes, 0.0);
+            }
+        }
+        self.set_ends(simd, rays.len());
+        true
+    }
+
+    /// Reads slopes, ends and speeds; whether all rays start where the first one does. `None` if they do not go the same
+    /// way.
+    #[inline(always)]
+    fn read<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: &[Ray],
+        axes: [usize; 3],
+        sign: f32,
+    ) -> Option<bool> {
+        let origin = rays[0].origin;
+        let mut is_apex = true;
+        let mut masks = u32::MAX;
+        let (eights, rest) = rays.as_chunks::<LANES>();
+        let last = (!rest.is_empty()).then(|| {
+            let mut last = [rest[0]; LANES];
+            last[..rest.len()].copy_from_slice(rest);
+            last
+        });
+        let count = rays.len().div_ceil(LANES);
+        for (group, rays) in eights.iter().chain(&last).enumerate() {
+            let columns = columns(simd, rays);
+            let (x, y) = (columns[3 + axes[0]], columns[3 + axes[1]]);
+            let speed = columns[3 + axes[2]] * simd.splat(sign);
+            let [from_x, from_y, from_z, _, _, _, t_min, t_max] = columns;
+            let usual = simd.splat(MOST_COORDINATE);
+            // The first axis of the largest size, as `TriangleTest` takes it.
+            let is_alike = simd.splat(LEAST_DIRECTION).le(speed)
+                & speed.le(simd.splat(MOST_DIRECTION))
+                & is_less(x, speed, axes[0] < axes[2])
+                & is_less(y, speed, axes[1] < axes[2])
+                & from_x.abs().le(usual)
+                & from_y.abs().le(usual)
+                & from_z.abs().le(usual)
+                & simd.splat(0.0).le(t_min)
+                & t_min.le(t_max);
+            if (!is_alike).bits() != 0 {
+                return None;
+            }
+            let is_apart = from_x.ne(simd.splat(origin.x))
+                | from_y.ne(simd.splat(origin.y))
+                | from_z.ne(simd.splat(origin.z));
+            is_apex &= is_apart.bits() == 0;
+            for ray in rays {
+                masks = masks.min(ray.mask);
+            }
+            (t_min * speed).store(&mut self.start[group]);
+            (t_max.min(simd.splat(f32::MAX)) * speed).store(&mut self.limit[group]);
+            speed.store(&mut self.speed[group]);
+            (x / speed).store(&mut self.terms[0][group]);
+            (y / speed).store(&mut self.terms[1][group]);
+            for (i, axis) in axes.into_iter().enumerate() {
+                columns[axis].store(&mut self.turned.origin[i][group]);
+                columns[3 + axis].store(&mut self.turned.direction[i][group]);
+            }
+            t_min.store(&mut self.turned.t_min[group]);
+            t_max.store(&mut self.turned.t_max[group]);
+        }
+        // Groups without rays are like the last one that has some.
+        for group in count..GROUPS {
+            let ([a, b, ..], [x, y, z]) = (&mut self.terms, &mut self.turned.origin);
+            for rows in [a, b, x, y, z, &mut self.start, &mut self.limit] {
+                rows[group] = rows[count - 1];
+            }
+        }
+        self.turned.axes = axes;
+        (masks != 0).then_some(is_apex)
+    }
+
+    /// From where rays start, where they are at depth 0: which coordinate that is along, and how far from the apex they
+    /// start, or are there.
+    #[inline(always)]
+    fn set_apart<S: Simd>(&mut self, simd: S, at: [f32; 3], sign: f32) -> (f32, f32) {
+        let [x, y, along] = &self.turned.origin;
+        let starts = extremes(simd, along).of_all();
+        let nearest = if sign < 0.0 { starts[1] } else { starts[0] };
+        let mut apart = simd.splat(0.0);
+        for group in 0..GROUPS {
+            let depth = (simd.load(&along[group]) - simd.splat(nearest)) * simd.splat(sign);
+            depth.store(&mut self.from[group]);
+            apart = apart.max(depth.abs());
+            for (axis, across) in [x, y].into_iter().enumerate() {
+                let slope = simd.load(&self.terms[axis][group]);
+                let start = simd.load(&across[group]) - simd.splat(at[axis]);
+                let there = start - slope * depth;
+                there.store(&mut self.terms[2 + axis][group]);
+                apart = apart.max(start.abs()).max(there.abs());
+            }
+        }
+        let mut array = [0.0; LANES];
+        apart.store(&mut array);
+        (nearest, most(&array))
+    }
+
+    /// Frusta across one axis, between where rays are at depth 0 and at the deepest there is.
+    #[inline(always)]
+    fn bound<S: Simd>(&mut self, simd: S, axis: usize) {
+        let apex = self.view.apex;
+        let deepest = simd.splat(apex.deepest);
+        let mut ends = PerRay::default();
+        for (group, end) in ends.iter_mut().enumerate() {
+            let slope = simd.load(&self.terms[axis][group]);
+            let at = simd.load(&self.terms[2 + axis][group]);
+            slope.mul_add(deepest, at).store(end);
+        }
+        let at = extremes(simd, &self.terms[2 + axis]);
+        let end = extremes(simd, &ends);
+        let slopes = [
+            (end.least - at.least) / deepest,
+            (end.most - at.most) / deepest,
+        ];
+        self.groups
+            .set(simd, &apex, axis, [at.least, at.most], slopes);
+        let ([at_lo, at_hi], [end_lo, end_hi]) = (at.of_all(), end.of_all());
+        let (at_lo, at_hi) = (simd.splat(at_lo), simd.splat(at_hi));
+        let slopes = [
+            (simd.splat(end_lo) - at_lo) / deepest,
+            (simd.splat(end_hi) - at_hi) / deepest,
+        ];
+        self.whole.set(simd, &apex, axis, [at_lo, at_hi], slopes);
+    }
+
+    #[inline(always)]
+    fn set_range<S: Simd>(&mut self, simd: S, term: usize, of: &Extremes<S::F32>, center: f32) {
+        let center = simd.splat(center);
+        let (lo, hi) = (of.least - center, of.most - center);
+        let middle = (lo + hi) * simd.splat(0.5);
+        let radius = (hi - middle).max(middle - lo) * simd.splat(MORE);
+        middle.store(&mut self.ranges[term].middle);
+        radius.store(&mut self.ranges[term].radius);
+    }
+
+    /// Depths where rays start and end, from their distances.
+    #[inline(always)]
+    fn set_ends<S: Simd>(&mut self, simd: S, count: usize) {
+        for group in 0..GROUPS {
+            let from = simd.load(&self.from[group]);
+            let (start, limit) = (&mut self.start[group], &mut self.limit[group]);
+            (simd.load(start) + from).store(start);
+            (simd.load(limit) + from).store(limit);
+            self.place[group] = [NOTHING; LANES];
+            self.nearest[group] = [f32::INFINITY; LANES];
+        }
+        self.limit.as_flattened_mut()[count..].fill(OVER);
+        let (starts, limits) = (extremes(simd, &self.start), extremes(simd, &self.limit));
+        let deepest = simd.splat(self.view.apex.deepest);
+        let limits = limits.most.min(deepest);
+        starts.least.store(&mut self.groups.start);
+        limits.store(&mut self.groups.limit);
+        self.whole.start = [starts.of_all()[0]; LANES];
+        self.whole.limit = [most(&self.groups.limit); LANES];
+    }
+}
+
+/// The numbers of eight rays side by side: three of the origin, three of the direction, `t_min`, `t_max`.
+#[inline(always)]
+fn columns<S: Simd>(simd: S, rays: &[Ray; LANES]) -> [S::F32; LANES] {
+    let words = bytemuck::must_cast_ref::<[Ray; LANES], [[f32; 9]; LANES]>(rays);
+    let [a, b, c, d, e, f, g, h] = words;
+    simd.transpose([
+        first_eight(a),
+        first_eight(b),
+        first_eight(c),
+        first_eight(d),
+        first_eight(e),
+        first_eight(f),
+        first_eight(g),
+        first_eight(h),
+    ])
+}
+
+/// All but the mask.
+#[inline(always)]
+fn first_eight(words: &[f32; 9]) -> &[f32; LANES] {
+    words.first_chunk().expect("nine")
+}
+
+/// What is least and most of each group.
+#[derive(Clone, Copy, Debug)]
+struct Extremes<F> {
+    least: F,
+    most: F,
+}
+
+impl<F: F32x8> Extremes<F> {
+    /// The least and the most of all.
+    #[inline(always)]
+    fn of_all(&self) -> [f32; 2] {
+        let mut arrays = [[0.0; LANES]; 2];
+        self.least.store(&mut arrays[0]);
+        self.most.store(&mut arrays[1]);
+        [least(&arrays[0]), most(&arrays[1])]
+    }
+}
+
+#[inline(always)]
+fn extremes<S: Simd>(simd: S, of: &PerRay<f32>) -> Extremes<S::F32> {
+    let [a, b, c, d, e, f, g, h] = of;
+    let rays = simd.transpose([a, b, c, d, e, f, g, h]);
+    let mut extremes = Extremes {
+        least: rays[0],
+        most: rays[0],
+    };
+    for ray in rays {
+        extremes.least = ray.min(extremes.least);
+        extremes.most = ray.max(extremes.most);
+    }
+    extremes
+}
+
+/// Whether sizes are less, or also whether they are equal.
+#[inline(always)]
+fn is_less<N: Number>(x: N, than: N, strictly: bool) -> N::Mask {
+    if strictly {
+        x.abs().lt(than)
+    } else {
+        x.abs().le(than)
+    }
+}

@@ -1,0 +1,378 @@
+//! Triangles of a block, and rays that go much the same way.
+//!
+//! Corners are moved to the apex and sheared along the tile's central ray, once for all rays. Seen from there, another ray
+//! is at (c + a z, d + b z) across at depth z, and a corner (x, y, z) is at (x - c - a z, y - d - b z) from it. In the edge
+//! function of two corners p and q,
+//!
+//! ```text
+//! (px - c - a pz)(qy - d - b qz) - (py - d - b pz)(qx - c - a qz)
+//!     = (px qy - py qx) + a (py qz - pz qy) + b (pz qx - px qz) + c (py - qy) + d (qx - px) + (bc - ad)(qz - pz):
+//! ```
+//!
+//! six numbers for each edge, and five multiply-adds for each ray. (They are Plücker's coordinates, from a point and along a
+//! line nearby, so that they are small.) Where all rays start at the apex, c and d are zero, and two multiply-adds do.
+//!
+//! That bounds an edge function for a group at once. For each ray of such a group it is computed from where its corners are,
+//! since a ray near a small triangle is known better from there than from the apex.
+//!
+//! # The bound
+//!
+//! As in [`triangle`](crate::triangle), let u = 2⁻²⁴; here M is the largest coordinate across of the triangle in the central
+//! ray's view, Z the largest depth, s the largest of |a| and |b| (at most [`MOST_SPREAD`]), P the largest of |c|, |d| and the
+//! depths where rays start, S = M + sZ + P, which is at least any coordinate in any ray's view, and L = S + Z.
+//!
+//! - Coordinates: moving a corner to the apex errs by u(M + Z), and by uZ along; the central slope and the shear's product
+//!   by uZ each, the difference by uM; a by 2u, which is 2uZ; c by 4uP; the rounding to 26 bits that decides by u/4 S. All
+//!   of it is below e = 8uL, so two edge functions differ by 4eS + 2e².
+//! - Evaluation: products and differences of M² cost 4uM²; those with a and b 4usMZ each, those with c and d 4uPM each, the
+//!   last one 16usPZ; the sum, at most 12S², is rounded five times. All of it is below 100uS². Without c and d, 16uS².
+//!
+//! The bound B = u(80L + 200S)(S + e), without c and d u(80L + 32S)(S + e), is twice that and more.
+//!
+//! For one ray, from its own corners, S may be the triangle's size m: the largest differences of its corners, across and
+//! along. Where a triangle is hit, no corner is further away across, and where it surely is, that is looked at. Then
+//! coordinates cost 12em and 18e², with those up to 3m away, and evaluation 36um²: below the bound b = u(200L + 80m)(m + e).
+//!
+//! A ray meets the plane of a triangle with the normal n at the depth `za - (nx lx + ny ly) / (nx a + ny b + nz)`, where l is
+//! across from corner a to the ray, there. The normal is made from the differences of corners b and c from a, taken before
+//! the shear; they are at most m across and d along, and err by 4u(m + d) and ud. So nx and ny err by 14u(m + d)d, and nz by
+//! 20u(m + d)m. With l, at most m + d, known up to 2e, the numerator errs by 2e(|nx| + |ny|) + 28u(m + d)²d, the denominator D
+//! by 27u(m + d)², and the quotient, at most d where the triangle is hit, by (2e(|nx| + |ny|) + 55u(m + d)²d)/|D|. Twice that and
+//! more is allowed, and 12uL for rounding depths, the ray's ends, and the `t` that is reported. Nor is a hit nearer than the
+//! nearest corner, or farther than the farthest.
+
+use super::frustum::Apex;
+use crate::block::Block;
+use crate::lanes::{F32x8, LANES, Mask, Number, Simd};
+
+/// Slopes of a tile's rays from its central one.
+pub(super) const MOST_SPREAD: f32 = 0.25;
+
+/// Numbers that tell a ray from the central one: a, b, c, d, bc - ad.
+pub(super) const TERMS: usize = 5;
+/// Those of rays that start at the apex: a, b.
+pub(super) const TERMS_FROM_APEX: usize = 2;
+
+const U: f32 = f32::EPSILON / 2.0;
+
+/// Eight triangles, seen from the apex.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Edges {
+    /// By edge, opposite to corners a, b and c: the edge function of the central ray, and how it grows with each term.
+    center: [[f32; LANES]; 3],
+    grow: [[[f32; LANES]; TERMS]; 3],
+    /// Across, across, along.
+    corners: [[[f32; LANES]; 3]; 3],
+    normal: [[f32; LANES]; 3],
+    /// Depths of the nearest corner and the farthest.
+    nearest: [f32; LANES],
+    farthest: [f32; LANES],
+    /// The largest difference of corners.
+    size: [f32; LANES],
+    /// Of edge functions, for groups, and for rays.
+    bound: [f32; LANES],
+    bound_alone: [f32; LANES],
+    /// Of depths: times one over the denominator, and alone.
+    bound_depth: [f32; LANES],
+    rounding: [f32; LANES],
+}
+
+/// How a tile looks at triangles.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct View {
+    pub(super) apex: Apex,
+    /// Across, across, along.
+    pub(super) axes: [usize; 3],
+    /// Of the central ray.
+    pub(super) slope: [f32; 2],
+    /// The largest slope of another ray from there.
+    pub(super) spread: f32,
+    /// How far from the apex the rays start, or pass: 0 where all start there.
+    pub(super) apart: f32,
+    /// Which directions the central ray goes to, as in the orders of nodes.
+    pub(super) octant: usize,
+}
+
+/// Looks at a block from the apex.
+#[inline(always)]
+pub(super) fn look<S: Simd, const TERMS: usize>(
+    simd: S,
+    view: &View,
+    block: &Block,
+    to: &mut Edges,
+) {
+    let rows = &block.corners;
+    let (a, b, c) = (
+        sheared(simd, view, corner(simd, view, &rows[0])),
+        sheared(simd, view, corner(simd, view, &rows[1])),
+        sheared(simd, view, corner(simd, view, &rows[2])),
+    );
+    for (edge, [p, q]) in [[c, b], [a, c], [b, a]].into_iter().enumerate() {
+        (p[0] * q[1] - p[1] * q[0]).store(&mut to.center[edge]);
+        let grow = &mut to.grow[edge];
+        (p[1] * q[2] - p[2] * q[1]).store(&mut grow[0]);
+        (p[2] * q[0] - p[0] * q[2]).store(&mut grow[1]);
+        if TERMS > TERMS_FROM_APEX {
+            (p[1] - q[1]).store(&mut grow[2]);
+            (q[0] - p[0]).store(&mut grow[3]);
+            (q[2] - p[2]).store(&mut grow[4]);
+        }
+    }
+    let across = a[0].abs().max(a[1].abs()).max(b[0].abs());
+    let across = across.max(b[1].abs()).max(c[0].abs()).max(c[1].abs());
+    let depth = a[2].abs().max(b[2].abs()).max(c[2].abs());
+    let size = depth.mul_add(simd.splat(view.spread), across) + simd.splat(view.apart);
+    let reach = size + depth;
+    let per_size = if TERMS > TERMS_FROM_APEX { 200.0 } else { 32.0 };
+    let per_reach = reach * simd.splat(80.0 * U);
+    let bound = size.mul_add(simd.splat(per_size * U), per_reach).mul_add(
+        reach.mul_add(simd.splat(8.0 * U), size),
+        simd.splat(f32::MIN_POSITIVE),
+    );
+    bound.store(&mut to.bound);
+    let [x, y, z] = difference(simd, view, &rows[0], &rows[1]);
+    let [p, q, r] = difference(simd, view, &rows[0], &rows[2]);
+    let normal = [y * r - z * q, z * p - x * r, x * q - y * p];
+    for (normal, to) in normal.into_iter().zip(&mut to.normal) {
+        normal.store(to);
+    }
+    let across = x.abs().max(y.abs()).max(p.abs().max(q.abs()));
+    let along = z.abs().max(r.abs());
+    // The third difference may be up to twice as large.
+    let most = across + across + along;
+    most.store(&mut to.size);
+    let error = reach * simd.splat(8.0 * U);
+    let blurred = most + error;
+    if TERMS > TERMS_FROM_APEX {
+        let per_reach = reach * simd.splat(200.0 * U);
+        let bound = most.mul_add(simd.splat(80.0 * U), per_reach);
+        bound
+            .mul_add(blurred, simd.splat(f32::MIN_POSITIVE))
+            .store(&mut to.bound_alone);
+        for (corner, to) in [a, b, c].into_iter().zip(&mut to.corners) {
+            corner[0].store(&mut to[0]);
+            corner[1].store(&mut to[1]);
+            corner[2].store(&mut to[2]);
+        }
+    } else {
+        bound.store(&mut to.bound_alone);
+        a[0].store(&mut to.corners[0][0]);
+        a[1].store(&mut to.corners[0][1]);
+        a[2].store(&mut to.corners[0][2]);
+    }
+    let flat = normal[0].abs() + normal[1].abs();
+    let both = across + along;
+    // What may underflow is less than the first term.
+    let tiny = both.mul_add(simd.splat(f32::MIN_POSITIVE), simd.splat(f32::MIN_POSITIVE));
+    let cubed = (both * both * along).mul_add(simd.splat(128.0 * U), tiny);
+    (error * simd.splat(4.0))
+        .mul_add(flat, cubed)
+        .store(&mut to.bound_depth);
+    let rounding = reach * simd.splat(12.0 * U);
+    rounding.store(&mut to.rounding);
+    (a[2].min(b[2]).min(c[2]) - rounding).store(&mut to.nearest);
+    (a[2].max(b[2]).max(c[2]) + rounding).store(&mut to.farthest);
+}
+
+/// A corner of eight triangles from the apex: across, across, along.
+#[inline(always)]
+fn corner<S: Simd>(simd: S, view: &View, rows: &[[f32; LANES]; 3]) -> [S::F32; 3] {
+    let [x, y, along] = view.axes;
+    let at = &view.apex.at;
+    [
+        simd.load(&rows[x]) - simd.splat(at[0]),
+        simd.load(&rows[y]) - simd.splat(at[1]),
+        (simd.load(&rows[along]) - simd.splat(at[2])) * simd.splat(view.apex.sign),
+    ]
+}
+
+/// From a corner of eight triangles to another, sheared.
+#[inline(always)]
+fn difference<S: Simd>(
+    simd: S,
+    view: &View,
+    from: &[[f32; LANES]; 3],
+    to: &[[f32; LANES]; 3],
+) -> [S::F32; 3] {
+    let [x, y, along] = view.axes;
+    let difference = [
+        simd.load(&to[x]) - simd.load(&from[x]),
+        simd.load(&to[y]) - simd.load(&from[y]),
+        (simd.load(&to[along]) - simd.load(&from[along])) * simd.splat(view.apex.sign),
+    ];
+    sheared(simd, view, difference)
+}
+
+/// Sheared along the central ray.
+#[inline(always)]
+fn sheared<S: Simd>(simd: S, view: &View, [x, y, z]: [S::F32; 3]) -> [S::F32; 3] {
+    [
+        z.mul_add(simd.splat(-view.slope[0]), x),
+        z.mul_add(simd.splat(-view.slope[1]), y),
+        z,
+    ]
+}
+
+/// A term of the rays of each group: the middle, and how far from there it is at most.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Range {
+    pub(super) middle: [f32; LANES],
+    pub(super) radius: [f32; LANES],
+}
+
+/// The triangles that a group of rays may hit between two depths; a bit for each lane.
+#[inline(always)]
+pub(super) fn may_be_hit<S: Simd, const TERMS: usize>(
+    simd: S,
+    edges: &Edges,
+    ranges: &[Range; self::TERMS],
+    group: usize,
+    [start, limit]: [f32; 2],
+) -> u32 {
+    let bound = simd.load(&edges.bound);
+    let (least_a, most_a) = between::<S, TERMS>(simd, edges, 0, ranges, group, bound);
+    let (least_b, most_b) = between::<S, TERMS>(simd, edges, 1, ranges, group, bound);
+    let (least_c, most_c) = between::<S, TERMS>(simd, edges, 2, ranges, group, bound);
+    let zero = simd.splat(0.0);
+    // False for NaN, which is where there is no triangle.
+    let above = zero.le(most_a.min(most_b).min(most_c));
+    let below = least_a.max(least_b).max(least_c).le(zero);
+    let starts = simd.load(&edges.nearest).le(simd.splat(limit));
+    let ends = simd.splat(start).le(simd.load(&edges.farthest));
+    ((above | below) & starts & ends).bits()
+}
+
+/// Between which numbers an edge function is for the rays of a group.
+#[inline(always)]
+fn between<S: Simd, const TERMS: usize>(
+    simd: S,
+    edges: &Edges,
+    edge: usize,
+    ranges: &[Range; self::TERMS],
+    group: usize,
+    bound: S::F32,
+) -> (S::F32, S::F32) {
+    let (mut middle, mut radius) = (simd.load(&edges.center[edge]), bound);
+    for (grow, range) in edges.grow[edge].iter().zip(ranges).take(TERMS) {
+        let grow = simd.load(grow);
+        middle = grow.mul_add(simd.splat(range.middle[group]), middle);
+        radius = grow.abs().mul_add(simd.splat(range.radius[group]), radius);
+    }
+    (middle - radius, middle + radius)
+}
+
+/// What eight rays see of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight<F: Number> {
+    /// Those that may hit it between their ends.
+    pub(super) may_hit: F::Mask,
+    /// Those that surely hit it, if it is between their ends.
+    pub(super) is_inside: F::Mask,
+    /// Where, at the nearest and the farthest.
+    pub(super) nearest: F,
+    pub(super) farthest: F,
+}
+
+/// A triangle and eight rays; `None` if none may hit it at any depth.
+#[inline(always)]
+pub(super) fn sight<S: Simd, const TERMS: usize>(
+    simd: S,
+    edges: &Edges,
+    lane: usize,
+    terms: &[S::F32; TERMS],
+    [start, limit]: [S::F32; 2],
+) -> Option<Sight<S::F32>> {
+    let [from_x, from_y, from_z] = &edges.corners[0];
+    let (slope_x, slope_y) = (terms[0], terms[1]);
+    let depth_a = simd.splat(from_z[lane]);
+    let is_apart = TERMS > TERMS_FROM_APEX;
+    let (a, b, c);
+    let mut l = [simd.splat(0.0); 2];
+    if is_apart {
+        let corner_a = seen_from(simd, &edges.corners[0], lane, terms);
+        let corner_b = seen_from(simd, &edges.corners[1], lane, terms);
+        let corner_c = seen_from(simd, &edges.corners[2], lane, terms);
+        a = cross(corner_c, corner_b);
+        b = cross(corner_a, corner_c);
+        c = cross(corner_b, corner_a);
+        l = corner_a;
+    } else {
+        a = edge(simd, edges, 0, lane, terms);
+        b = edge(simd, edges, 1, lane, terms);
+        c = edge(simd, edges, 2, lane, terms);
+    }
+    let bound = edges.bound_alone[lane];
+    let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+    let may_hit = simd.splat(-bound).le(least) | most.le(simd.splat(bound));
+    if may_hit.bits() == 0 {
+        return None;
+    }
+    let mut is_inside = simd.splat(bound).lt(least) | most.lt(simd.splat(-bound));
+    if is_apart {
+        let far = l[0].abs().max(l[1].abs());
+        is_inside = is_inside & far.le(simd.splat(2.0 * edges.size[lane]));
+    } else {
+        let zero = simd.splat(0.0);
+        let back = zero - depth_a;
+        l = [
+            back.mul_add(slope_x, simd.splat(from_x[lane])),
+            back.mul_add(slope_y, simd.splat(from_y[lane])),
+        ];
+    }
+    let [x, y, z] = &edges.normal;
+    let (x, y) = (simd.splat(x[lane]), simd.splat(y[lane]));
+    let sum = x.mul_add(slope_x, y.mul_add(slope_y, simd.splat(z[lane])));
+    let per_sum = simd.splat(1.0) / sum;
+    // From the ray to corner a, so that the quotient is added.
+    let behind = x.mul_add(l[0], y * l[1]);
+    let depth = behind.mul_add(per_sum, depth_a);
+    let error = per_sum.abs().mul_add(
+        simd.splat(edges.bound_depth[lane]),
+        simd.splat(edges.rounding[lane]),
+    );
+    // What is NaN, of a triangle seen edge-on, is not known better than by its corners.
+    let nearest = (depth - error).max(simd.splat(edges.nearest[lane]));
+    let farthest = (depth + error).min(simd.splat(edges.farthest[lane]));
+    Some(Sight {
+        may_hit: may_hit & nearest.le(limit) & start.le(farthest),
+        is_inside,
+        nearest,
+        farthest,
+    })
+}
+
+/// Where a corner is across, for eight rays.
+#[inline(always)]
+fn seen_from<S: Simd, const TERMS: usize>(
+    simd: S,
+    [x, y, z]: &[[f32; LANES]; 3],
+    lane: usize,
+    terms: &[S::F32; TERMS],
+) -> [S::F32; 2] {
+    let back = simd.splat(-z[lane]);
+    [
+        back.mul_add(terms[0], simd.splat(x[lane])) - terms[2],
+        back.mul_add(terms[1], simd.splat(y[lane])) - terms[3],
+    ]
+}
+
+#[inline(always)]
+fn cross<N: Number>(p: [N; 2], q: [N; 2]) -> N {
+    p[0] * q[1] - p[1] * q[0]
+}
+
+/// The edge function of one triangle, for eight rays.
+#[inline(always)]
+fn edge<S: Simd, const TERMS: usize>(
+    simd: S,
+    edges: &Edges,
+    edge: usize,
+    lane: usize,
+    terms: &[S::F32; TERMS],
+) -> S::F32 {
+    let mut sum = simd.splat(edges.center[edge][lane]);
+    for (grow, term) in edges.grow[edge].iter().zip(terms) {
+        sum = simd.splat(grow[lane]).mul_add(*term, sum);
+    }
+    sum
+}

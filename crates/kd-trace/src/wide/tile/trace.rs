@@ -1,0 +1,355 @@
+//! A tile on its way through a tree.
+
+use kd_core::{Hit, Ray};
+
+use super::alone::Alone;
+use super::decide::{self, Place};
+use super::frustum::{Boxes, meet, meet_each};
+use super::leaf::{self, TERMS_FROM_APEX};
+use super::{OVER, Pending, Tile, most};
+use crate::block::Block;
+use crate::collect::{Any, Closest};
+use crate::float::min;
+use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task};
+use crate::wide::WideTree;
+use crate::wide::node::{Child, WIDTH, WideNode};
+use crate::wide::walk::{WideRay, walk_at};
+
+/// So few rays are faster one by one.
+const FEW: u32 = 4;
+
+/// Traces the rays that were gathered in a tile: up to 64.
+pub(super) struct Tracer<'a, S, R, F, const ANY: bool, const TERMS: usize> {
+    pub(super) simd: S,
+    pub(super) tree: &'a WideTree,
+    pub(super) rays: &'a [Ray],
+    pub(super) tile: &'a mut Tile,
+    pub(super) alone: &'a mut Alone<R, F>,
+    /// What has been decided so far.
+    pub(super) hits: &'a mut [Option<Hit>],
+}
+
+impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
+    for Tracer<'_, S, R, F, ANY, TERMS>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn run(mut self) {
+        self.walk();
+    }
+}
+
+impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize>
+    Tracer<'_, S, R, F, ANY, TERMS>
+{
+    #[inline(always)]
+    fn walk(&mut self) {
+        let arrays = self.tree.arrays();
+        let nodes = arrays.nodes();
+        let mut child = arrays.root();
+        let mut groups = u32::MAX >> (u32::BITS as usize - self.rays.len().div_ceil(LANES));
+        let mut len = 0;
+        self.alone.begin();
+        loop {
+            if child.is_leaf() {
+                self.visit(child, groups);
+            } else {
+                let node = &nodes[child.index()];
+                len = self.enter(node, child.index(), groups, len);
+            }
+            loop {
+                if len == 0 {
+                    self.alone.end();
+                    return;
+                }
+                len -= 1;
+                let Pending { place, enter } = self.tile.pending[len];
+                if enter > self.tile.whole.limit[0] {
+                    continue;
+                }
+                let (node, lane) = (&nodes[place / WIDTH], place % WIDTH);
+                groups = self.groups_in(node, lane);
+                if groups == 0 {
+                    continue;
+                }
+                if self.alone.is_wary() {
+                    let rays = self.rays_in(node, lane, groups);
+                    if rays.count_ones() <= FEW {
+                        let simd = self.simd;
+                        simd.apart(Parted {
+                            tracer: self,
+                            place,
+                            rays,
+                        });
+                        self.update_limits(groups);
+                        continue;
+                    }
+                }
+                child = node.children[lane];
+                break;
+            }
+        }
+    }
+
+    /// The rays of some groups that may meet a child, a bit for each.
+    #[inline(always)]
+    fn rays_in(&self, node: &WideNode, lane: usize, groups: u32) -> u64 {
+        let simd = self.simd;
+        let tile = &*self.tile;
+        let boxes = Boxes::of_child(simd, &tile.view, node, lane);
+        let mut rays = 0;
+        let mut left = groups;
+        while left != 0 {
+            let group = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let [a, b, c, d, _] = &tile.terms;
+            let (at, slope) = if TERMS > TERMS_FROM_APEX {
+                ([simd.load(&c[group]), simd.load(&d[group])], [a, b])
+            } else {
+                ([simd.splat(0.0); 2], [a, b])
+            };
+            let [x, y] = tile.view.slope;
+            let slope = [
+                simd.load(&slope[0][group]) + simd.splat(x),
+                simd.load(&slope[1][group]) + simd.splat(y),
+            ];
+            let range = [simd.load(&tile.start[group]), simd.load(&tile.limit[group])];
+            let is_met = meet_each(simd, &tile.view.apex, at, slope, range, &boxes);
+            rays |= u64::from(is_met.bits()) << (group * LANES);
+        }
+        rays
+    }
+
+    /// Traces rays one by one below a child.
+    #[inline(always)]
+    fn trace_alone(&mut self, place: usize, rays: u64) {
+        let mut left = rays;
+        while left != 0 {
+            let number = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let Some(ray) = self.alone.ray(number, self.rays) else {
+                continue;
+            };
+            let (group, lane) = (number / LANES, number % LANES);
+            let tile = &mut *self.tile;
+            let (from, speed) = (tile.from[group][lane], tile.speed[group][lane]);
+            let limit = &mut tile.limit[group][lane];
+            // What was rounded to the limit, and what is here; rounded on.
+            let more = 1.0 + 4.0 * f32::EPSILON;
+            let t = (*limit * more - from) / speed * more;
+            let end = min(ray.steps(t), ray.end());
+            if ANY {
+                let mut any = Any::default();
+                walk_at(self.tree, ray, place, end, &mut any);
+                if any.0 {
+                    *limit = OVER;
+                }
+                continue;
+            }
+            let mut closest = Closest::default();
+            walk_at(self.tree, ray, place, end, &mut closest);
+            if let Some(hit) = closest.0 {
+                tile.take(number, &hit, self.hits);
+            }
+        }
+    }
+
+    /// Pushes the children that the groups may meet, the nearest last.
+    #[inline(always)]
+    fn enter(&mut self, node: &WideNode, index: usize, groups: u32, mut len: usize) -> usize {
+        let simd = self.simd;
+        let tile = &mut *self.tile;
+        // One group alone is narrower than all of them.
+        let frustum = if groups.is_power_of_two() {
+            tile.groups.splat(simd, groups.trailing_zeros() as usize)
+        } else {
+            tile.whole.load(simd)
+        };
+        let view = &tile.view;
+        let boxes = Boxes::of_children(simd, view, node);
+        let (is_met, enters) = meet(simd, &view.apex, &frustum, &boxes);
+        let met = is_met.bits();
+        let mut enter = [0.0; LANES];
+        enters.store(&mut enter);
+        let order = node.orders[view.octant];
+        if tile.pending.len() < len + WIDTH {
+            make_room(&mut tile.pending);
+        }
+        for place in 0..WIDTH {
+            let lane = (order >> (3 * place)) as usize % WIDTH;
+            tile.pending[len] = Pending {
+                place: index * WIDTH + lane,
+                enter: enter[lane],
+            };
+            len += (met >> lane & 1) as usize;
+        }
+        len
+    }
+
+    /// The groups that may meet a child.
+    #[inline(always)]
+    fn groups_in(&self, node: &WideNode, lane: usize) -> u32 {
+        let simd = self.simd;
+        let view = &self.tile.view;
+        let boxes = Boxes::of_child(simd, view, node, lane);
+        let (is_met, _) = meet(simd, &view.apex, &self.tile.groups.load(simd), &boxes);
+        is_met.bits()
+    }
+
+    #[inline(always)]
+    fn visit(&mut self, leaf: Child, groups: u32) {
+        let simd = self.simd;
+        let blocks = self.tree.arrays().blocks();
+        let mut has_changed = false;
+        self.alone.work(groups.count_ones());
+        for index in leaf.blocks() {
+            let block = &blocks[index];
+            leaf::look::<S, TERMS>(simd, &self.tile.view, block, &mut self.tile.edges);
+            // A bit for each group and triangle: one loop over all of them is left as seldom as possible.
+            let mut pairs = 0_u64;
+            let mut left = groups;
+            while left != 0 {
+                let group = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let tile = &*self.tile;
+                let range = [tile.groups.start[group], tile.groups.limit[group]];
+                let lanes =
+                    leaf::may_be_hit::<S, TERMS>(simd, &tile.edges, &tile.ranges, group, range);
+                pairs |= u64::from(lanes) << (group * LANES);
+            }
+            while pairs != 0 {
+                let pair = pairs.trailing_zeros() as usize;
+                pairs &= pairs - 1;
+                has_changed |= self.meet(pair / LANES, block, index, pair % LANES);
+            }
+        }
+        if has_changed {
+            self.update_limits(groups);
+        }
+    }
+
+    /// A group and a triangle; whether the limit of a ray has changed.
+    #[inline(always)]
+    fn meet(&mut self, group: usize, block: &Block, index: usize, lane: usize) -> bool {
+        let simd = self.simd;
+        let tile = &mut *self.tile;
+        let mut terms = [simd.splat(0.0); TERMS];
+        for (term, rows) in terms.iter_mut().zip(&tile.terms) {
+            *term = simd.load(&rows[group]);
+        }
+        let (start, limit) = (simd.load(&tile.start[group]), simd.load(&tile.limit[group]));
+        let Some(sight) = leaf::sight(simd, &tile.edges, lane, &terms, [start, limit]) else {
+            return false;
+        };
+        if sight.may_hit.bits() == 0 {
+            return false;
+        }
+        let is_between = start.lt(sight.nearest) & sight.farthest.lt(limit);
+        let is_sure = sight.is_inside & is_between & sight.may_hit;
+        let unclear = if ANY {
+            simd.splat(OVER)
+                .store_where(is_sure, &mut tile.limit[group]);
+            sight.may_hit & !is_sure
+        } else {
+            sight.farthest.store_where(is_sure, &mut tile.limit[group]);
+            let nearest = simd.load(&tile.nearest[group]);
+            // An infinite one stands for none.
+            let is_first =
+                simd.splat(f32::MAX).lt(nearest) | (is_sure & sight.farthest.lt(nearest));
+            let is_kept = sight.may_hit & is_first;
+            sight.nearest.store_where(is_kept, &mut tile.nearest[group]);
+            let place = Place::number(index, lane);
+            S::F32::put(is_kept, place, &mut tile.place[group]);
+            sight.may_hit & !is_first
+        };
+        let unclear = unclear.bits();
+        let is_decided = unclear != 0
+            && simd.apart(Unclear {
+                tracer: self,
+                group,
+                place: Place { block, lane },
+                rays: unclear,
+            });
+        is_sure.bits() != 0 || is_decided
+    }
+
+    /// Decides for the rays of a group whose bits are set; whether the limit of a ray has changed.
+    #[inline(always)]
+    fn decide_at_once(&mut self, group: usize, place: Place<'_>, unclear: u32) -> bool {
+        let tile = &mut *self.tile;
+        let decided = decide::decide(self.simd, &tile.turned, group, place);
+        let mut left = decided.is_hit & unclear;
+        let has_changed = left != 0;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            if ANY {
+                tile.limit[group][lane] = OVER;
+                continue;
+            }
+            let hit = decided.hit(lane, place.triangle());
+            tile.take(group * LANES + lane, &hit, self.hits);
+        }
+        has_changed
+    }
+
+    /// How far groups go, from how far their rays go.
+    #[inline(always)]
+    fn update_limits(&mut self, groups: u32) {
+        let tile = &mut *self.tile;
+        let mut left = groups;
+        while left != 0 {
+            let group = left.trailing_zeros() as usize;
+            left &= left - 1;
+            tile.groups.limit[group] = most(&tile.limit[group]);
+        }
+        tile.whole.limit = [most(&tile.groups.limit); LANES];
+    }
+}
+
+/// Rays that go on one by one below a child.
+struct Parted<'t, T> {
+    tracer: &'t mut T,
+    place: usize,
+    rays: u64,
+}
+
+impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
+    for Parted<'_, Tracer<'_, S, R, F, ANY, TERMS>>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.tracer.trace_alone(self.place, self.rays);
+    }
+}
+
+/// Rays of a group that may hit a triangle.
+struct Unclear<'t, 'b, T> {
+    tracer: &'t mut T,
+    group: usize,
+    place: Place<'b>,
+    rays: u32,
+}
+
+impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
+    for Unclear<'_, '_, Tracer<'_, S, R, F, ANY, TERMS>>
+{
+    /// Whether the limit of a ray has changed.
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        self.tracer
+            .decide_at_once(self.group, self.place, self.rays)
+    }
+}
+
+/// For eight more.
+#[cold]
+#[inline(never)]
+fn make_room(pending: &mut Vec<Pending>) {
+    pending.resize(2 * (pending.len() + WIDTH), Pending::default());
+}
