@@ -1,7 +1,7 @@
 //! Instructions per ray, counted and not timed: the same on every run of the same program, however busy the machine is.
 //!
-//! valgrind runs this program once more for each kind of ray and layout, over one generated scene, and counts what happens
-//! inside one function.
+//! valgrind runs this program once more for each kind of ray and each way to trace it, over one generated scene, and counts
+//! what happens inside one function.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use std::process::Command;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum as _};
+use kd::{BuildOptions, KdTree};
 use serde_json::json;
 
 use crate::check::Answers;
@@ -17,21 +18,57 @@ use crate::environment::Environment;
 use crate::rays::RayKind;
 use crate::run_folder;
 use crate::scenes;
-use crate::structure::{BuilderName, LayoutName, Structure, StructureName, Variant};
+use crate::structure::{Batches, LayoutName, Structure};
 use crate::terminal;
 use crate::workload::{self, Amount, Workload};
 
 /// The scene that is traced: rooms and clutter, small and large triangles.
 const SCENE: &str = "gears";
-const LAYOUTS: [LayoutName; 2] = [LayoutName::Wide, LayoutName::Binary];
 
-/// How many rays of a kind: more make no difference, and valgrind takes fifty times as long as the machine.
-const AMOUNT: Amount = Amount {
-    side: 64,
-    ray_limit: 1 << 12,
-    brute_force_tests: 0,
-    least_checked: 0,
-};
+/// A way to trace rays.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    layout: LayoutName,
+    /// All rays at once, and not one by one.
+    is_batch: bool,
+}
+
+const WAYS: [Way; 3] = [
+    Way {
+        layout: LayoutName::Wide,
+        is_batch: false,
+    },
+    Way {
+        layout: LayoutName::Wide,
+        is_batch: true,
+    },
+    Way {
+        layout: LayoutName::Binary,
+        is_batch: false,
+    },
+];
+
+impl Way {
+    fn name(self) -> String {
+        let layout = self.layout.name();
+        if self.is_batch {
+            format!("{layout}, in batches")
+        } else {
+            layout
+        }
+    }
+
+    /// How many rays of a kind: more make no difference, and valgrind takes fifty times as long as the machine. To batches it
+    /// does make one how near to each other rays are.
+    fn amount(self) -> Amount {
+        Amount {
+            side: if self.is_batch { 512 } else { 64 },
+            ray_limit: 1 << 12,
+            brute_force_tests: 0,
+            least_checked: 0,
+        }
+    }
+}
 
 /// What to count.
 #[derive(Args, Debug)]
@@ -47,14 +84,26 @@ pub(crate) struct InstructionsArgs {
     /// In this layout
     #[arg(long, value_name = "NAME", hide = true)]
     layout: Option<LayoutName>,
+
+    /// All at once
+    #[arg(long, hide = true)]
+    batch: bool,
 }
 
 /// Counts and prints, or is what is counted.
 pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
     if let (Some(kind), Some(layout)) = (arguments.inside, arguments.layout) {
-        let (structure, workload) = prepare(kind, layout)?;
+        let way = Way {
+            layout,
+            is_batch: arguments.batch,
+        };
+        let (tree, workload) = prepare(kind, way)?;
         let mut answers = Answers::none(kind, workload.rays.len());
-        rays_that_are_counted(&*structure, &workload, &mut answers);
+        if way.is_batch {
+            rays_that_are_counted(&Batches(&tree), &workload, &mut answers);
+        } else {
+            rays_that_are_counted(&tree, &workload, &mut answers);
+        }
         black_box(answers);
         return Ok(true);
     }
@@ -63,15 +112,16 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
     let mut head = vec!["instructions per ray".to_owned()];
     head.extend(RayKind::value_variants().iter().map(name_of));
     let mut table = terminal::empty_table(head);
-    for layout in LAYOUTS {
-        let mut row = vec![layout.name()];
+    for way in WAYS {
+        let mut row = vec![way.name()];
         for kind in RayKind::value_variants() {
-            let (_, workload) = prepare(*kind, layout)?;
-            let per_ray = count(*kind, layout)? as f64 / workload.rays.len() as f64;
+            let (_, workload) = prepare(*kind, way)?;
+            let per_ray = count(*kind, way)? as f64 / workload.rays.len() as f64;
             row.push(format!("{per_ray:.1}"));
             let line = json!({
                 "scene": SCENE,
-                "layout": layout.name(),
+                "layout": way.layout.name(),
+                "batch": way.is_batch,
                 "rays": name_of(kind),
                 "instructions_per_ray": per_ray,
                 "rev": rev,
@@ -91,18 +141,16 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
     Ok(true)
 }
 
-fn prepare(kind: RayKind, layout: LayoutName) -> anyhow::Result<(Box<dyn Structure>, Workload)> {
+fn prepare(kind: RayKind, way: Way) -> anyhow::Result<(KdTree, Workload)> {
     let sources = scenes::choose_from(None, &[SCENE.to_owned()], true)?;
     let scene = sources.first().context("a scene was asked for")?.load()?;
-    let variant = Variant {
-        structure: StructureName::Kd,
-        builder: BuilderName::Balanced,
-        layout,
-    };
-    let structure = variant.build(&scene.mesh, 1)?.structure;
-    let mut workloads = workload::all(&scene, &[kind], AMOUNT, &*structure);
+    let options = BuildOptions::balanced()
+        .with_threads(1)
+        .with_layout(way.layout.layout());
+    let tree = KdTree::build(std::sync::Arc::clone(&scene.mesh), &options)?;
+    let mut workloads = workload::all(&scene, &[kind], way.amount(), &tree);
     let workload = workloads.pop().context("one kind was asked for")?;
-    Ok((structure, workload))
+    Ok((tree, workload))
 }
 
 /// What valgrind counts. Its name is how it is found.
@@ -115,13 +163,14 @@ fn rays_that_are_counted(structure: &dyn Structure, workload: &Workload, answers
 }
 
 /// The instructions of all rays.
-fn count(kind: RayKind, layout: LayoutName) -> anyhow::Result<u64> {
+fn count(kind: RayKind, way: Way) -> anyhow::Result<u64> {
     let out = std::env::temp_dir().join(format!("kd-instructions-{}", std::process::id()));
     let status = Command::new("valgrind")
         .args(["--tool=callgrind", "--quiet", "--toggle-collect=*rays_that_are_counted*"])
         .arg(format!("--callgrind-out-file={}", out.display()))
         .arg(std::env::current_exe()?)
-        .args(["instructions", "--inside", &name_of(&kind), "--layout", &layout.name()])
+        .args(["instructions", "--inside", &name_of(&kind), "--layout", &way.layout.name()])
+        .args(way.is_batch.then_some("--batch"))
         .status()
         .context("valgrind counts instructions; on Debian and Ubuntu, `apt-get install valgrind` installs it")?;
     anyhow::ensure!(status.success(), "valgrind: {status}");

@@ -143,7 +143,7 @@ impl BuilderName {
 
 impl LayoutName {
     /// What it means for the kd-tree.
-    const fn layout(self) -> Layout {
+    pub(crate) const fn layout(self) -> Layout {
         match self {
             Self::Binary => Layout::Binary,
             Self::Wide | Self::Own => Layout::Wide,
@@ -321,6 +321,31 @@ pub(crate) struct Shape {
     pub(crate) bytes_total: usize,
     /// All of it in words, for the report.
     pub(crate) text: String,
+}
+
+/// Our tree, asked about all rays of a list at once.
+pub(crate) struct Batches<'a>(pub(crate) &'a KdTree);
+
+impl Structure for Batches<'_> {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.0.intersect_batch(rays, hits);
+    }
+
+    fn any(&self, rays: &[Ray], hits: &mut [bool]) {
+        self.0.occluded_batch(rays, hits);
+    }
+
+    fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)> {
+        self.0.counted(ray)
+    }
+
+    fn shape(&self) -> Shape {
+        self.0.shape()
+    }
+
+    fn flaw(&self) -> Option<String> {
+        self.0.flaw()
+    }
 }
 
 impl Structure for KdTree {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use kd::{BuildOptions, Hit, KdTree, Mesh, Ray};
+use kd::{BuildOptions, KdTree, Mesh};
 
 use super::first_hits::{self, Restarting};
 use crate::check::Answers;
@@ -11,10 +11,10 @@ use crate::cli::name_of;
 use crate::measure::{self, Repeats};
 use crate::peers;
 use crate::rays::RayKind;
-use crate::record::{Steps, median_ratio};
+use crate::record::median_ratio;
 use crate::scenes::SceneSource;
 use crate::structure::{
-    BuilderName, Distances, LayoutName, OrderedHits, Shape, Structure, StructureName, Variant,
+    Batches, BuilderName, Distances, LayoutName, OrderedHits, Structure, StructureName, Variant,
 };
 use crate::workload::{self, Amount, Workload};
 
@@ -265,29 +265,4 @@ fn count_unless(
 ) -> usize {
     let pairs = ours.iter().zip(others);
     pairs.filter(|(a, b)| !go_together(a, b)).count()
-}
-
-/// Our tree, asked about all rays of a list at once.
-struct Batches<'a>(&'a KdTree);
-
-impl Structure for Batches<'_> {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.0.intersect_batch(rays, hits);
-    }
-
-    fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        self.0.occluded_batch(rays, hits);
-    }
-
-    fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)> {
-        self.0.counted(ray)
-    }
-
-    fn shape(&self) -> Shape {
-        self.0.shape()
-    }
-
-    fn flaw(&self) -> Option<String> {
-        self.0.flaw()
-    }
 }
