@@ -8,8 +8,8 @@ use super::walk::{WideRay, walk};
 use crate::collect::{Any, Closest, Collect};
 use crate::lanes::Simd;
 
-/// Fewer rays are not worth the looking.
-const FEWEST: usize = 8;
+/// Fewer rays take longer as a tile than one by one.
+const FEWEST: usize = 16;
 
 /// The closest hit of each ray.
 #[inline(always)]
