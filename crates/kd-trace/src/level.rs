@@ -131,7 +131,7 @@ impl Level {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 fn closest_of_each_avx2(tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    // SAFETY: this function may be called only where there are AVX2 and FMA.
+    // SAFETY: this function may be called only where there are all of these.
     let simd = unsafe { Avx2::new() };
     // SAFETY: the same.
     let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };
@@ -141,7 +141,7 @@ fn closest_of_each_avx2(tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>])
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 fn any_of_each_avx2(tree: &WideTree, rays: &[Ray], occluded: &mut [bool]) {
-    // SAFETY: this function may be called only where there are AVX2 and FMA.
+    // SAFETY: this function may be called only where there are all of these.
     let simd = unsafe { Avx2::new() };
     // SAFETY: the same.
     let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };

@@ -126,24 +126,8 @@ pub(crate) fn closest<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>>(
     alone: &mut Alone<R, F>,
     hits: &mut [Option<Hit>],
 ) {
-    macro_rules! trace {
-        ($terms:expr) => {
-            simd.apart(Tracer::<S, R, F, false, $terms> {
-                simd,
-                tree,
-                rays,
-                tile,
-                alone,
-                hits,
-            })
-        };
-    }
     hits.fill(None);
-    if tile.is_apex {
-        trace!(TERMS_FROM_APEX);
-    } else {
-        trace!(TERMS);
-    }
+    trace::<_, _, _, false>(simd, tree, rays, tile, alone, hits);
     simd.apart(Waiting {
         simd,
         blocks: tree.arrays().blocks(),
@@ -162,26 +146,41 @@ pub(crate) fn any<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>>(
     alone: &mut Alone<R, F>,
     occluded: &mut [bool],
 ) {
-    macro_rules! trace {
-        ($terms:expr) => {
-            simd.apart(Tracer::<S, R, F, true, $terms> {
-                simd,
-                tree,
-                rays,
-                tile,
-                alone,
-                hits: &mut [],
-            })
-        };
-    }
-    if tile.is_apex {
-        trace!(TERMS_FROM_APEX);
-    } else {
-        trace!(TERMS);
-    }
+    trace::<_, _, _, true>(simd, tree, rays, tile, alone, &mut []);
     let limits = tile.limit.as_flattened();
     for (occluded, limit) in occluded.iter_mut().zip(limits) {
         *occluded = *limit == OVER;
+    }
+}
+
+/// With as many terms as are needed.
+#[inline(always)]
+fn trace<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool>(
+    simd: S,
+    tree: &WideTree,
+    rays: &[Ray],
+    tile: &mut Tile,
+    alone: &mut Alone<R, F>,
+    hits: &mut [Option<Hit>],
+) {
+    if tile.is_apex {
+        simd.apart(Tracer::<S, R, F, ANY, TERMS_FROM_APEX> {
+            simd,
+            tree,
+            rays,
+            tile,
+            alone,
+            hits,
+        });
+    } else {
+        simd.apart(Tracer::<S, R, F, ANY, TERMS> {
+            simd,
+            tree,
+            rays,
+            tile,
+            alone,
+            hits,
+        });
     }
 }
 

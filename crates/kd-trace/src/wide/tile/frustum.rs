@@ -227,6 +227,19 @@ impl<F> Boxes<F> {
     }
 }
 
+/// The depths of the near and the far faces, moved.
+#[inline(always)]
+fn depths<S: Simd>(simd: S, apex: &Apex, boxes: &Boxes<S::F32>) -> (S::F32, S::F32) {
+    let sign = simd.splat(apex.sign);
+    let from_apex = -apex.sign * apex.at[2];
+    let least = simd.splat(from_apex - apex.pad[2]);
+    let most = simd.splat(from_apex + apex.pad[2]);
+    (
+        boxes.near.mul_add(sign, least),
+        boxes.far.mul_add(sign, most),
+    )
+}
+
 /// Which boxes the frusta may meet, and from which depth on: one frustum and eight boxes, or one box and eight frusta.
 #[inline(always)]
 pub(super) fn meet<S: Simd>(
@@ -235,12 +248,7 @@ pub(super) fn meet<S: Simd>(
     frusta: &Frustum<S::F32>,
     boxes: &Boxes<S::F32>,
 ) -> (<S::F32 as Number>::Mask, S::F32) {
-    let sign = simd.splat(apex.sign);
-    let from_apex = -apex.sign * apex.at[2];
-    let near = boxes
-        .near
-        .mul_add(sign, simd.splat(from_apex - apex.pad[2]));
-    let far = boxes.far.mul_add(sign, simd.splat(from_apex + apex.pad[2]));
+    let (near, far) = depths(simd, apex, boxes);
     let (near, far) = (near.max(frusta.start), far.min(frusta.limit));
     let mut is_met = near.le(far);
     for axis in 0..2 {
@@ -263,12 +271,7 @@ pub(super) fn meet_each<S: Simd>(
     [start, limit]: [S::F32; 2],
     boxes: &Boxes<S::F32>,
 ) -> <S::F32 as Number>::Mask {
-    let sign = simd.splat(apex.sign);
-    let from_apex = -apex.sign * apex.at[2];
-    let near = boxes
-        .near
-        .mul_add(sign, simd.splat(from_apex - apex.pad[2]));
-    let far = boxes.far.mul_add(sign, simd.splat(from_apex + apex.pad[2]));
+    let (near, far) = depths(simd, apex, boxes);
     let (near, far) = (near.max(start), far.min(limit));
     let mut is_met = near.le(far);
     for axis in 0..2 {
