@@ -9,7 +9,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use kd_core::Mesh;
 
-use crate::triangle::{LANES, LaneCorners};
+use crate::lanes::LANES;
+use crate::triangle::LaneCorners;
 
 /// Up to eight triangles of a leaf. Five cache lines.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

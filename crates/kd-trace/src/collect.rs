@@ -24,6 +24,14 @@ pub(crate) trait Collect {
     }
 }
 
+/// Keeps the hit that comes first.
+#[inline(always)]
+pub(crate) fn keep_first(best: &mut Option<Hit>, hit: Hit) {
+    if best.is_none_or(|best| hit.is_before(&best)) {
+        *best = Some(hit);
+    }
+}
+
 /// The closest hit.
 #[derive(Debug, Default)]
 pub(crate) struct Closest(pub(crate) Option<Hit>);
@@ -36,9 +44,7 @@ impl Collect for Closest {
 
     #[inline]
     fn take(&mut self, hit: Hit) -> ControlFlow<()> {
-        if self.0.is_none_or(|best| hit.is_before(&best)) {
-            self.0 = Some(hit);
-        }
+        keep_first(&mut self.0, hit);
         ControlFlow::Continue(())
     }
 }

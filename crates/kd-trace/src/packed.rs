@@ -17,8 +17,9 @@ use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, TracedBytes, Tree};
 use crate::Level;
 use crate::block::Block;
 use crate::collect::{Any, Closest, Collect, Ordered};
+use crate::lanes::LANES;
 use crate::probe::{Probe, TraversalCounts};
-use crate::triangle::{LANES, TriangleTest};
+use crate::triangle::TriangleTest;
 use crate::walk::Walkable;
 
 /// A tree with the triangles of its leaves packed in blocks of eight: what to trace where the tree's own nodes are to be

@@ -19,6 +19,7 @@ use glam::Vec3;
 use kd_core::{Axis, Hit, Ray};
 
 use crate::float::{max, min};
+use crate::lanes::LANES;
 
 /// Half a unit in the last place of 1, the relative error of rounding to f32.
 const U: f32 = f32::EPSILON / 2.0;
@@ -60,9 +61,6 @@ struct Filter {
     blur: f32,
 }
 
-/// How many triangles are looked at together.
-pub(crate) const LANES: usize = 8;
-
 /// Coordinates of so many triangles side by side: by corner, then by axis, so that the axes of a ray are offsets.
 pub(crate) type LaneCorners = [[[f32; LANES]; 3]; 3];
 
@@ -90,6 +88,19 @@ impl Iterator for Lanes {
         let lane = self.0.trailing_zeros() as usize / 8;
         self.0 &= self.0 - 1;
         Some(lane)
+    }
+}
+
+/// The axis along which a direction goes most; the first among equals.
+#[inline(always)]
+pub(crate) fn steepest_axis(direction: Vec3) -> Axis {
+    let size = direction.abs();
+    if size.x >= size.y && size.x >= size.z {
+        Axis::X
+    } else if size.y >= size.z {
+        Axis::Y
+    } else {
+        Axis::Z
     }
 }
 
@@ -122,14 +133,7 @@ impl TriangleTest {
     )]
     #[inline(always)]
     pub(crate) fn new(ray: &Ray, reach: f32) -> Self {
-        let size = ray.direction.abs();
-        let along = if size.x >= size.y && size.x >= size.z {
-            Axis::X
-        } else if size.y >= size.z {
-            Axis::Y
-        } else {
-            Axis::Z
-        };
+        let along = steepest_axis(ray.direction);
         let (across_x, across_y) = (along.next(), along.next().next());
         let component = |axis: Axis| f64::from(ray.direction[axis.index()]);
         let numerators = [component(across_x), component(across_y), 1.0, 1.0];

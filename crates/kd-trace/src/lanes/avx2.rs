@@ -311,8 +311,8 @@ fn run<T: Task>(task: T) -> T::Output {
     task.run()
 }
 
-/// The same, without the compiler knowing. It makes one instruction of a load, a choice and a store to the same place, and
-/// of that one a processor of Zen 3 makes forty.
+/// The same, without the compiler knowing. It makes one instruction, a masked store, of a load, a choice and a store to the
+/// same place, and on Zen 3 that took a twentieth of the time of camera rays (2026-11-25, five meshes).
 #[target_feature(enable = "avx2")]
 #[inline]
 fn opaque(mut lanes: __m256) -> __m256 {

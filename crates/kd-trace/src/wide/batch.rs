@@ -3,7 +3,7 @@
 use kd_core::{Hit, Ray};
 
 use super::WideTree;
-use super::tile::{self, Alone, Tile};
+use super::tile::{RAYS, Tiles};
 use super::walk::{WideRay, walk};
 use crate::collect::{Any, Closest, Collect};
 use crate::lanes::Simd;
@@ -20,11 +20,10 @@ pub(crate) fn closest<S: Simd, R: WideRay>(
     hits: &mut [Option<Hit>],
     prepare: impl Fn(&Ray) -> Option<R>,
 ) {
-    let mut tile = Tile::new();
-    let mut alone = Alone::new(&prepare);
-    for (rays, hits) in rays.chunks(tile::RAYS).zip(hits.chunks_mut(tile::RAYS)) {
-        if rays.len() >= FEWEST && tile.gather(simd, rays, tree.frame()) {
-            tile::closest(simd, tree, rays, &mut tile, &mut alone, hits);
+    let mut tiles = Tiles::new(simd, tree, &prepare);
+    for (rays, hits) in rays.chunks(RAYS).zip(hits.chunks_mut(RAYS)) {
+        if rays.len() >= FEWEST && tiles.gather(rays) {
+            tiles.closest(rays, hits);
         } else {
             one_by_one(tree, rays, &prepare, |number, closest: Closest| {
                 hits[number] = closest.0;
@@ -42,11 +41,10 @@ pub(crate) fn any<S: Simd, R: WideRay>(
     occluded: &mut [bool],
     prepare: impl Fn(&Ray) -> Option<R>,
 ) {
-    let mut tile = Tile::new();
-    let mut alone = Alone::new(&prepare);
-    for (rays, occluded) in rays.chunks(tile::RAYS).zip(occluded.chunks_mut(tile::RAYS)) {
-        if rays.len() >= FEWEST && tile.gather(simd, rays, tree.frame()) {
-            tile::any(simd, tree, rays, &mut tile, &mut alone, occluded);
+    let mut tiles = Tiles::new(simd, tree, &prepare);
+    for (rays, occluded) in rays.chunks(RAYS).zip(occluded.chunks_mut(RAYS)) {
+        if rays.len() >= FEWEST && tiles.gather(rays) {
+            tiles.any(rays, occluded);
         } else {
             one_by_one(tree, rays, &prepare, |number, any: Any| {
                 occluded[number] = any.0;

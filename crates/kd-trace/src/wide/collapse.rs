@@ -6,7 +6,7 @@
 //! As one child it is a leaf or a wide node, which gets eight; as more, its two parts share them.
 
 use super::node::WIDTH;
-use crate::triangle::LANES;
+use crate::lanes::LANES;
 
 /// Cost of a wide node that a ray visits.
 const NODE: f32 = 1.0;

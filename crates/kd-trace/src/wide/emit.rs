@@ -8,7 +8,7 @@ use kd_core::Mesh;
 use super::box_tree::{BoxTree, Kind};
 use super::node::{Child, WIDTH, WideNode};
 use crate::block::Block;
-use crate::triangle::LANES;
+use crate::lanes::LANES;
 
 /// What fits one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;

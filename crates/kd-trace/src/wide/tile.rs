@@ -22,9 +22,10 @@ use kd_core::{Hit, Ray};
 
 use super::WideTree;
 use super::walk::WideRay;
+use crate::collect::keep_first;
 use crate::float::{max, min};
 use crate::lanes::{LANES, Simd};
-pub(crate) use alone::Alone;
+use alone::Alone;
 use decide::{Turned, Waiting};
 use frustum::Frustum;
 use leaf::{Edges, Range, TERMS, TERMS_FROM_APEX, View};
@@ -42,9 +43,9 @@ const NOTHING: u32 = u32::MAX;
 /// A depth that no ray reaches.
 const OVER: f32 = f32::NEG_INFINITY;
 
-/// What is known of up to 64 rays while they are traced: [`gather`] takes them, [`closest`] or [`any`] traces them.
+/// What is known of up to 64 rays while they are traced.
 #[derive(Debug)]
-pub(crate) struct Tile {
+struct Tile {
     view: View,
     /// Whether all rays start at the apex.
     is_apex: bool,
@@ -81,7 +82,7 @@ struct Pending {
 
 impl Tile {
     /// No rays.
-    pub(crate) fn new() -> Self {
+    fn new() -> Self {
         Self {
             view: View::default(),
             is_apex: true,
@@ -103,12 +104,9 @@ impl Tile {
 
     /// Takes a hit that has been decided.
     #[inline(always)]
-    fn take(&mut self, number: usize, hit: &Hit, hits: &mut [Option<Hit>]) {
+    fn take(&mut self, number: usize, hit: Hit, hits: &mut [Option<Hit>]) {
         let (group, lane) = (number / LANES, number % LANES);
-        let best = &mut hits[number];
-        if best.is_none_or(|best| hit.is_before(&best)) {
-            *best = Some(*hit);
-        }
+        keep_first(&mut hits[number], hit);
         // Rounded three times; rounded on.
         let depth = self.from[group][lane] + hit.t * self.speed[group][lane];
         let limit = &mut self.limit[group][lane];
@@ -116,69 +114,80 @@ impl Tile {
     }
 }
 
-/// The closest hits of rays that have been gathered.
-#[inline(always)]
-pub(crate) fn closest<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>>(
+/// What traces tiles through a tree, one after the other.
+pub(crate) struct Tiles<'a, S, R, F> {
     simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    tile: &mut Tile,
-    alone: &mut Alone<R, F>,
-    hits: &mut [Option<Hit>],
-) {
-    hits.fill(None);
-    trace::<_, _, _, false>(simd, tree, rays, tile, alone, hits);
-    simd.apart(Waiting {
-        simd,
-        blocks: tree.arrays().blocks(),
-        tile,
-        hits,
-    });
+    tree: &'a WideTree,
+    /// Whether there can be tiles at all.
+    fits: bool,
+    tile: Tile,
+    alone: Alone<R, F>,
 }
 
-/// Whether rays that have been gathered hit anything.
-#[inline(always)]
-pub(crate) fn any<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>>(
-    simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    tile: &mut Tile,
-    alone: &mut Alone<R, F>,
-    occluded: &mut [bool],
-) {
-    trace::<_, _, _, true>(simd, tree, rays, tile, alone, &mut []);
-    let limits = tile.limit.as_flattened();
-    for (occluded, limit) in occluded.iter_mut().zip(limits) {
-        *occluded = *limit == OVER;
-    }
-}
-
-/// With as many terms as are needed.
-#[inline(always)]
-fn trace<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool>(
-    simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    tile: &mut Tile,
-    alone: &mut Alone<R, F>,
-    hits: &mut [Option<Hit>],
-) {
-    if tile.is_apex {
-        simd.apart(Tracer::<S, R, F, ANY, TERMS_FROM_APEX> {
+impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
+    /// `prepare` prepares a ray that goes on alone.
+    #[inline(always)]
+    pub(crate) fn new(simd: S, tree: &'a WideTree, prepare: F) -> Self {
+        Self {
             simd,
             tree,
-            rays,
-            tile,
-            alone,
+            fits: gather::fits(tree.frame()),
+            tile: Tile::new(),
+            alone: Alone::new(prepare),
+        }
+    }
+
+    /// Takes up to [`RAYS`] rays, to be traced next; false if they are not alike enough.
+    #[inline(always)]
+    pub(crate) fn gather(&mut self, rays: &[Ray]) -> bool {
+        self.fits && self.tile.gather(self.simd, rays, self.tree.frame())
+    }
+
+    /// The closest hits of the rays that have been gathered.
+    #[inline(always)]
+    pub(crate) fn closest(&mut self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        hits.fill(None);
+        self.trace::<false>(rays, hits);
+        self.simd.apart(Waiting {
+            simd: self.simd,
+            blocks: self.tree.arrays().blocks(),
+            tile: &self.tile,
             hits,
         });
-    } else {
-        simd.apart(Tracer::<S, R, F, ANY, TERMS> {
-            simd,
-            tree,
+    }
+
+    /// Whether the rays that have been gathered hit anything.
+    #[inline(always)]
+    pub(crate) fn any(&mut self, rays: &[Ray], occluded: &mut [bool]) {
+        self.trace::<true>(rays, &mut []);
+        let limits = self.tile.limit.as_flattened();
+        for (occluded, limit) in occluded.iter_mut().zip(limits) {
+            *occluded = *limit == OVER;
+        }
+    }
+
+    /// With as many terms as are needed.
+    #[inline(always)]
+    fn trace<const ANY: bool>(&mut self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        if self.tile.is_apex {
+            self.trace_with::<ANY, TERMS_FROM_APEX>(rays, hits);
+        } else {
+            self.trace_with::<ANY, TERMS>(rays, hits);
+        }
+    }
+
+    #[inline(always)]
+    fn trace_with<const ANY: bool, const TERMS: usize>(
+        &mut self,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+    ) {
+        self.simd.apart(Tracer::<S, R, F, ANY, TERMS> {
+            simd: self.simd,
+            tree: self.tree,
             rays,
-            tile,
-            alone,
+            tile: &mut self.tile,
+            alone: &mut self.alone,
             hits,
         });
     }

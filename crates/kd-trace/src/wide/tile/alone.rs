@@ -11,7 +11,7 @@ use super::RAYS;
 const PATIENCE: u32 = 48;
 
 /// The rays of a tile, each prepared when it is first needed.
-pub(crate) struct Alone<R, F> {
+pub(super) struct Alone<R, F> {
     prepare: F,
     rays: Vec<Option<R>>,
     /// A bit for each ray that is prepared.
@@ -23,7 +23,7 @@ pub(crate) struct Alone<R, F> {
 }
 
 impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
-    pub(crate) fn new(prepare: F) -> Self {
+    pub(super) fn new(prepare: F) -> Self {
         Self {
             prepare,
             rays: Vec::new(),

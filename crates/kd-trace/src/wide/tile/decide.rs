@@ -7,6 +7,7 @@ use kd_core::Hit;
 
 use super::{NOTHING, PerRay, Tile};
 use crate::block::Block;
+use crate::collect::keep_first;
 use crate::lanes::{F64x8, LANES, Mask, Number, Simd, Task};
 use crate::triangle::{LEAST_SHARE, TO_26_BITS};
 
@@ -57,10 +58,9 @@ impl<'a> Place<'a> {
     }
 }
 
-/// Rays in the order of the axes across, across and along, the last of which is where they move most.
+/// Rays, their axes in the order across, across and along, the last of which is where they move most.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Turned {
-    pub(super) axes: [usize; 3],
     pub(super) origin: [PerRay<f32>; 3],
     pub(super) direction: [PerRay<f32>; 3],
     pub(super) t_min: PerRay<f32>,
@@ -120,15 +120,16 @@ impl Decided {
     }
 }
 
-/// The rays of a group, and triangles.
+/// The rays of a group, and triangles; `axes` are those of the rays.
 #[inline(always)]
 pub(super) fn decide<S: Simd>(
     simd: S,
+    axes: [usize; 3],
     turned: &Turned,
     group: usize,
     triangles: impl Triangles,
 ) -> Decided {
-    let sight = Sight::new(simd, turned, group);
+    let sight = Sight::new(simd, axes, turned, group);
     let corners = [
         sight.corner(simd, triangles, 0),
         sight.corner(simd, triangles, 1),
@@ -194,15 +195,18 @@ impl<S: Simd> Task for Waiting<'_, S> {
                 Place::or_any(blocks, g),
                 Place::or_any(blocks, h),
             ];
-            let decided = decide(self.simd, &self.tile.turned, group, places);
+            let decided = decide(
+                self.simd,
+                self.tile.view.axes,
+                &self.tile.turned,
+                group,
+                places,
+            );
             for (lane, best) in hits.iter_mut().enumerate() {
                 if numbers[lane] == NOTHING || decided.is_hit >> lane & 1 == 0 {
                     continue;
                 }
-                let hit = decided.hit(lane, places[lane].triangle());
-                if best.is_none_or(|best| hit.is_before(&best)) {
-                    *best = Some(hit);
-                }
+                keep_first(best, decided.hit(lane, places[lane].triangle()));
             }
         }
     }
@@ -219,12 +223,12 @@ struct Sight<N> {
 
 impl<N: F64x8> Sight<N> {
     #[inline(always)]
-    fn new<S: Simd<F64 = N>>(simd: S, turned: &Turned, group: usize) -> Self {
+    fn new<S: Simd<F64 = N>>(simd: S, axes: [usize; 3], turned: &Turned, group: usize) -> Self {
         let [from_x, from_y, from_z] = &turned.origin;
         let [x, y, along] = &turned.direction;
         let along = simd.widen(&along[group]);
         Self {
-            axes: turned.axes,
+            axes,
             origin: [
                 simd.widen(&from_x[group]),
                 simd.widen(&from_y[group]),

@@ -89,7 +89,7 @@ pub(super) struct Frustum<F> {
 
 /// A place that changes with depth.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Line<F> {
+struct Line<F> {
     /// At depth 0.
     at: F,
     /// Its slope if that is positive, or else zero.

@@ -3,13 +3,14 @@
 //! Rays are read eight at a time and turned into lanes, a ray each. What groups have in common comes out of turning them once
 //! more: the same ray of every group side by side, so that the least of all is what is least of each group.
 
-use kd_core::Ray;
+use kd_core::{Axis, Ray};
 
 use super::frustum::Apex;
 use super::leaf::{MOST_SPREAD, View};
 use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile, least, most};
 use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task};
 use crate::planes::Frame;
+use crate::triangle::steepest_axis;
 
 /// Sizes of directions: within these no depth underflows or overflows.
 const LEAST_DIRECTION: f32 = 1.0 / (1 << 20) as f32;
@@ -21,6 +22,12 @@ const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
 const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 const _: () = assert!(GROUPS == LANES, "a lane for each group");
+
+/// Whether rays through a tree can be tiles at all.
+pub(super) fn fits(frame: &Frame) -> bool {
+    let corners = frame.corners.as_flattened();
+    corners.iter().all(|x| x.abs() <= MOST_COORDINATE)
+}
 
 /// Rays that may be a tile.
 struct Gather<'a, S> {
@@ -44,8 +51,9 @@ impl Tile {
     /// Takes up to 64 rays; false if they are not alike enough.
     ///
     /// What is asked: that they move most on the same axis, and the same way; that their slopes differ by no more than
-    /// [`MOST_SPREAD`] from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more.
-    pub(crate) fn gather<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
+    /// [`MOST_SPREAD`] from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more. The frame
+    /// must [fit](fits).
+    pub(super) fn gather<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
         simd.apart(Gather {
             simd,
             tile: self,
@@ -58,14 +66,8 @@ impl Tile {
     fn gather_with<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
         debug_assert!(!rays.is_empty() && rays.len() <= RAYS, "a tile");
         let first = &rays[0];
-        let size = first.direction.abs();
-        let axes = if size.x >= size.y && size.x >= size.z {
-            [1, 2, 0]
-        } else if size.y >= size.z {
-            [2, 0, 1]
-        } else {
-            [0, 1, 2]
-        };
+        let along = steepest_axis(first.direction);
+        let axes = [along.next(), along.next().next(), along].map(Axis::index);
         let sign = if first.direction[axes[2]] < 0.0 {
             -1.0
         } else {
@@ -78,12 +80,10 @@ impl Tile {
             extremes(simd, &self.terms[0]),
             extremes(simd, &self.terms[1]),
         ];
-        let [x, y] = [slopes[0].of_all(), slopes[1].of_all()];
-        let center = [0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1])];
-        let spread = (x[1] - center[0]).max(y[1] - center[1]) * MORE;
-        let corners = frame.corners.as_flattened();
-        let is_usual = corners.iter().all(|x| x.abs() <= MOST_COORDINATE);
-        if !(spread <= MOST_SPREAD && is_usual) {
+        let of_all = [slopes[0].of_all(), slopes[1].of_all()];
+        let center = of_all.map(|[lo, hi]| 0.5 * (lo + hi));
+        let spread = (of_all[0][1] - center[0]).max(of_all[1][1] - center[1]) * MORE;
+        if spread > MOST_SPREAD {
             return false;
         }
         let mut at = axes.map(|axis| first.origin[axis]);
@@ -109,13 +109,13 @@ impl Tile {
         self.is_apex = is_apex;
 
         for axis in 0..2 {
-            let slopes = &slopes[axis];
             if is_apex {
                 let zero = simd.splat(0.0);
-                let all = slopes.of_all().map(|slope| simd.splat(slope));
-                let bounds = [slopes.least, slopes.most];
+                let [lo, hi] = of_all[axis];
+                let bounds = [slopes[axis].least, slopes[axis].most];
                 self.groups.set(simd, &apex, axis, [zero; 2], bounds);
-                self.whole.set(simd, &apex, axis, [zero; 2], all);
+                let bounds = [simd.splat(lo), simd.splat(hi)];
+                self.whole.set(simd, &apex, axis, [zero; 2], bounds);
             } else {
                 self.bound(simd, axis);
             }
@@ -169,7 +169,7 @@ impl Tile {
             let speed = columns[3 + axes[2]] * simd.splat(sign);
             let [from_x, from_y, from_z, _, _, _, t_min, t_max] = columns;
             let usual = simd.splat(MOST_COORDINATE);
-            // The first axis of the largest size, as `TriangleTest` takes it.
+            // The last axis is the steepest one of all, and the first among equals.
             let is_alike = simd.splat(LEAST_DIRECTION).le(speed)
                 & speed.le(simd.splat(MOST_DIRECTION))
                 & is_less(x, speed, axes[0] < axes[2])
@@ -208,7 +208,6 @@ impl Tile {
                 rows[group] = rows[count - 1];
             }
         }
-        self.turned.axes = axes;
         (masks != 0).then_some(is_apex)
     }
 
@@ -360,5 +359,63 @@ fn is_less<N: Number>(x: N, than: N, strictly: bool) -> N::Mask {
         x.abs().lt(than)
     } else {
         x.abs().le(than)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::Aabb;
+
+    use super::*;
+    use crate::lanes::Portable;
+
+    /// Eight by eight rays; the first argument is where they are in the square, from -1 to 1.
+    fn square(ray: impl Fn(Vec3) -> Ray) -> Vec<Ray> {
+        let at = |i: u8| f32::from(i) / 3.5 - 1.0;
+        (0..64)
+            .map(|i| ray(Vec3::new(at(i % 8), at(i / 8), 0.0)))
+            .collect()
+    }
+
+    #[test]
+    fn rays_are_taken_if_they_are_alike() {
+        let frame = Frame::new(&Aabb::around([Vec3::splat(-9.0), Vec3::splat(9.0)]));
+        assert!(fits(&frame), "of usual size");
+        let (eye, ahead) = (Vec3::new(0.1, 0.2, -5.0), Vec3::Z);
+        let camera = square(|at| Ray::new(eye, ahead + 0.1 * at));
+        let sun = square(|at| Ray::new(at, Vec3::new(0.1, 0.5, -1.0)));
+        let lamp = square(|at| Ray::between(at, [0.3, 20.0, 0.7]));
+        for (what, rays, is_apex) in [
+            ("from an eye", &camera[..], true),
+            ("from an eye, not all", &camera[..13], true),
+            ("parallel", &sun, false),
+            ("to a lamp", &lamp, false),
+        ] {
+            let mut tile = Tile::new();
+            assert!(tile.gather(Portable, rays, &frame), "{what}");
+            assert_eq!(tile.is_apex, is_apex, "{what}");
+        }
+
+        let around = square(|at| Ray::new(eye, at + 0.01 * Vec3::Z));
+        let wide = square(|at| Ray::new(eye, ahead + 0.3 * at));
+        let mut tiles = vec![("on all sides", around), ("too far from each other", wide)];
+        for (what, odd) in [
+            ("one that has no mask", camera[0].with_mask(0)),
+            ("one that is behind itself", camera[0].with_range(-1.0, 1.0)),
+            ("one without a range", camera[0].with_range(1.0, 0.0)),
+            ("one that is not finite", Ray::new([f32::NAN; 3], ahead)),
+            ("one that goes back", Ray::new(eye, -ahead)),
+            ("one that is very long", Ray::new(eye, 1e9 * ahead)),
+        ] {
+            let mut rays = camera.clone();
+            rays[37] = odd;
+            tiles.push((what, rays));
+        }
+        for (what, rays) in tiles {
+            assert!(!Tile::new().gather(Portable, &rays, &frame), "{what}");
+        }
+        let huge = Frame::new(&Aabb::around([Vec3::splat(-9e15), Vec3::splat(9e15)]));
+        assert!(!fits(&huge), "products would overflow");
     }
 }

@@ -282,50 +282,42 @@ pub(super) fn sight<S: Simd, const TERMS: usize>(
     terms: &[S::F32; TERMS],
     [start, limit]: [S::F32; 2],
 ) -> Option<Sight<S::F32>> {
-    let [from_x, from_y, from_z] = &edges.corners[0];
-    let (slope_x, slope_y) = (terms[0], terms[1]);
-    let depth_a = simd.splat(from_z[lane]);
     let is_apart = TERMS > TERMS_FROM_APEX;
-    let (a, b, c);
-    let mut l = [simd.splat(0.0); 2];
-    if is_apart {
+    let [a, b, c] = if is_apart {
         let corner_a = seen_from(simd, &edges.corners[0], lane, terms);
         let corner_b = seen_from(simd, &edges.corners[1], lane, terms);
         let corner_c = seen_from(simd, &edges.corners[2], lane, terms);
-        a = cross(corner_c, corner_b);
-        b = cross(corner_a, corner_c);
-        c = cross(corner_b, corner_a);
-        l = corner_a;
+        [
+            cross(corner_c, corner_b),
+            cross(corner_a, corner_c),
+            cross(corner_b, corner_a),
+        ]
     } else {
-        a = edge(simd, edges, 0, lane, terms);
-        b = edge(simd, edges, 1, lane, terms);
-        c = edge(simd, edges, 2, lane, terms);
-    }
+        [
+            edge(simd, edges, 0, lane, terms),
+            edge(simd, edges, 1, lane, terms),
+            edge(simd, edges, 2, lane, terms),
+        ]
+    };
     let bound = edges.bound_alone[lane];
     let (least, most) = (a.min(b).min(c), a.max(b).max(c));
     let may_hit = simd.splat(-bound).le(least) | most.le(simd.splat(bound));
     if may_hit.bits() == 0 {
         return None;
     }
+    let l = seen_from(simd, &edges.corners[0], lane, terms);
     let mut is_inside = simd.splat(bound).lt(least) | most.lt(simd.splat(-bound));
     if is_apart {
         let far = l[0].abs().max(l[1].abs());
         is_inside = is_inside & far.le(simd.splat(2.0 * edges.size[lane]));
-    } else {
-        let zero = simd.splat(0.0);
-        let back = zero - depth_a;
-        l = [
-            back.mul_add(slope_x, simd.splat(from_x[lane])),
-            back.mul_add(slope_y, simd.splat(from_y[lane])),
-        ];
     }
     let [x, y, z] = &edges.normal;
     let (x, y) = (simd.splat(x[lane]), simd.splat(y[lane]));
-    let sum = x.mul_add(slope_x, y.mul_add(slope_y, simd.splat(z[lane])));
+    let sum = x.mul_add(terms[0], y.mul_add(terms[1], simd.splat(z[lane])));
     let per_sum = simd.splat(1.0) / sum;
     // From the ray to corner a, so that the quotient is added.
     let behind = x.mul_add(l[0], y * l[1]);
-    let depth = behind.mul_add(per_sum, depth_a);
+    let depth = behind.mul_add(per_sum, simd.splat(edges.corners[0][2][lane]));
     let error = per_sum.abs().mul_add(
         simd.splat(edges.bound_depth[lane]),
         simd.splat(edges.rounding[lane]),
@@ -350,10 +342,13 @@ fn seen_from<S: Simd, const TERMS: usize>(
     terms: &[S::F32; TERMS],
 ) -> [S::F32; 2] {
     let back = simd.splat(-z[lane]);
-    [
-        back.mul_add(terms[0], simd.splat(x[lane])) - terms[2],
-        back.mul_add(terms[1], simd.splat(y[lane])) - terms[3],
-    ]
+    let x = back.mul_add(terms[0], simd.splat(x[lane]));
+    let y = back.mul_add(terms[1], simd.splat(y[lane]));
+    if TERMS > TERMS_FROM_APEX {
+        [x - terms[2], y - terms[3]]
+    } else {
+        [x, y]
+    }
 }
 
 #[inline(always)]

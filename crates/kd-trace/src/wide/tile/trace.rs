@@ -104,15 +104,15 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
             let group = left.trailing_zeros() as usize;
             left &= left - 1;
             let [a, b, c, d, _] = &tile.terms;
-            let (at, slope) = if TERMS > TERMS_FROM_APEX {
-                ([simd.load(&c[group]), simd.load(&d[group])], [a, b])
+            let at = if TERMS > TERMS_FROM_APEX {
+                [simd.load(&c[group]), simd.load(&d[group])]
             } else {
-                ([simd.splat(0.0); 2], [a, b])
+                [simd.splat(0.0); 2]
             };
             let [x, y] = tile.view.slope;
             let slope = [
-                simd.load(&slope[0][group]) + simd.splat(x),
-                simd.load(&slope[1][group]) + simd.splat(y),
+                simd.load(&a[group]) + simd.splat(x),
+                simd.load(&b[group]) + simd.splat(y),
             ];
             let range = [simd.load(&tile.start[group]), simd.load(&tile.limit[group])];
             let is_met = meet_each(simd, &tile.view.apex, at, slope, range, &boxes);
@@ -150,7 +150,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
             let mut closest = Closest::default();
             walk_at(self.tree, ray, place, end, &mut closest);
             if let Some(hit) = closest.0 {
-                tile.take(number, &hit, self.hits);
+                tile.take(number, hit, self.hits);
             }
         }
     }
@@ -278,7 +278,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
     #[inline(always)]
     fn decide_at_once(&mut self, group: usize, place: Place<'_>, unclear: u32) -> bool {
         let tile = &mut *self.tile;
-        let decided = decide::decide(self.simd, &tile.turned, group, place);
+        let decided = decide::decide(self.simd, tile.view.axes, &tile.turned, group, place);
         let mut left = decided.is_hit & unclear;
         let has_changed = left != 0;
         while left != 0 {
@@ -289,7 +289,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
                 continue;
             }
             let hit = decided.hit(lane, place.triangle());
-            tile.take(group * LANES + lane, &hit, self.hits);
+            tile.take(group * LANES + lane, hit, self.hits);
         }
         has_changed
     }
