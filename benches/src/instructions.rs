@@ -6,6 +6,7 @@
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum as _};
@@ -57,18 +58,16 @@ impl Way {
             layout
         }
     }
-
-    /// How many rays of a kind: more make no difference, and valgrind takes fifty times as long as the machine. To batches it
-    /// does make one how near to each other rays are.
-    fn amount(self) -> Amount {
-        Amount {
-            side: if self.is_batch { 512 } else { 64 },
-            ray_limit: 1 << 12,
-            brute_force_tests: 0,
-            least_checked: 0,
-        }
-    }
 }
+
+/// How many rays of a kind: a picture of usual size, since batches live from how near to each other rays are, and no more,
+/// since valgrind takes fifty times as long as the machine.
+const AMOUNT: Amount = Amount {
+    side: 512,
+    ray_limit: 1 << 12,
+    brute_force_tests: 0,
+    least_checked: 0,
+};
 
 /// What to count.
 #[derive(Args, Debug)]
@@ -147,8 +146,8 @@ fn prepare(kind: RayKind, way: Way) -> anyhow::Result<(KdTree, Workload)> {
     let options = BuildOptions::balanced()
         .with_threads(1)
         .with_layout(way.layout.layout());
-    let tree = KdTree::build(std::sync::Arc::clone(&scene.mesh), &options)?;
-    let mut workloads = workload::all(&scene, &[kind], way.amount(), &tree);
+    let tree = KdTree::build(Arc::clone(&scene.mesh), &options)?;
+    let mut workloads = workload::all(&scene, &[kind], AMOUNT, &tree);
     let workload = workloads.pop().context("one kind was asked for")?;
     Ok((tree, workload))
 }

@@ -81,6 +81,8 @@ pub(super) struct Figures {
     pub(super) over_packets: [f64; COHERENT.len()],
     /// Batches of [`INCOHERENT`] rays, over Embree's single rays; of large meshes only.
     pub(super) batches_over_medium: Option<[f64; INCOHERENT.len()]>,
+    /// Batches, over single rays, both of ours.
+    pub(super) batches_over_single: ByKind,
     /// The first hits of random rays, over those that a filter collects for Embree and over rays that start again.
     pub(super) first_over_filter: f64,
     pub(super) first_over_restarting: f64,
@@ -125,6 +127,7 @@ impl Figures {
             over_obvhs,
             over_packets,
             batches_over_medium,
+            batches_over_single: measuring.batch_speeds(KINDS, &tree),
             first_over_filter,
             first_over_restarting: measuring.first_over_restarting(),
             first_disagreement_ppm,

@@ -22,6 +22,8 @@ pub(super) fn of(measured: &[Figures]) -> Table {
         &f.over_robust
     }));
     rows.extend(batches(measured));
+    let single = "batches / single rays";
+    rows.extend(by_kind(measured, single, |f| &f.batches_over_single));
     let obvhs = "single rays / obvhs";
     rows.extend(mean_and_worst(measured, obvhs, [2.0, 2.0], |f| {
         &f.over_obvhs
@@ -138,6 +140,7 @@ mod tests {
             over_obvhs: [2.0, 2.0, 1.9, 2.0, 3.0],
             over_packets: [2.6, 1.6],
             batches_over_medium: large.then_some([1.7, 1.7, 1.5]),
+            batches_over_single: [4.0, 2.0, 1.0, 1.0, 1.0],
             first_over_filter: 3.0,
             first_over_restarting: 1.5,
             first_disagreement_ppm: 12.4,
@@ -160,6 +163,7 @@ mod tests {
             ("shadow batch / Embree packets of 8", 1.6, false),
             ("ao batch / Embree medium", 1.7, true),
             ("random batch / Embree medium", 1.5, false),
+            ("batches / single rays, shadow", 2.0, true),
             ("first 4 hits / Embree with a filter, random", 3.0, true),
             ("first 4 hits / restarting, random", 1.5, true),
             ("two threads / one thread, shadow", 1.8, true),
@@ -169,7 +173,7 @@ mod tests {
             assert!((row.of_all() - value).abs() < 1e-9, "{value}: {row:?}");
             assert_eq!(row.is_met(), Some(is_met), "{row:?}");
         }
-        assert_eq!(table.rows.len(), 7 + 2 + 5 + 2 + 2 + 6 + 1, "{table}");
+        assert_eq!(table.rows.len(), 7 + 2 + 5 + 5 + 2 + 2 + 6 + 1, "{table}");
     }
 
     #[test]
