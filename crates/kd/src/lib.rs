@@ -52,7 +52,7 @@
 //! | [`KdTree::intersect`] | the closest [`Hit`] |
 //! | [`KdTree::occluded`] | whether there is any hit |
 //! | [`KdTree::hits`] | the first few hits, in order |
-//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, several times as fast where neighbours go the same way |
+//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbours go the same way |
 //!
 //! Nothing a ray can hold makes a query panic: NaN, infinities, a zero direction and an inverted range are misses.
 //!
