@@ -16,6 +16,7 @@ mod emit;
 mod node;
 mod object_split;
 pub(crate) mod portable;
+mod queue;
 mod stack;
 pub(crate) mod tile;
 pub(crate) mod walk;
@@ -145,7 +146,7 @@ impl WideTree {
     }
 
     /// [`intersect`](Self::intersect) for many rays. Runs of 64 of them, from the first one on, are traced together where
-    /// they go much the same way, for as long as they stay together; others one by one.
+    /// they go much the same way, for as long as they stay together; others in turn, sixteen at a time.
     ///
     /// # Panics
     ///

@@ -45,6 +45,29 @@ impl Arrays {
         self.root
     }
 
+    /// Has a child brought to the nearest cache, where the processor has an instruction for it.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, child: Child) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            const LINE: usize = 64;
+            const LINES: usize = size_of::<WideNode>() / LINE;
+            let first: *const i8 = if child.is_leaf() {
+                let block = child.blocks().start;
+                self.blocks.as_ptr().wrapping_add(block).cast()
+            } else {
+                self.nodes.as_ptr().wrapping_add(child.index()).cast()
+            };
+            for line in 0..LINES {
+                // SAFETY: reads nothing, and so may be given any address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(LINE * line)) };
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = child;
+    }
+
     pub(crate) fn nodes(&self) -> &[WideNode] {
         &self.nodes
     }

@@ -32,13 +32,12 @@ const ROW: usize = 4 * WIDTH;
 
 /// A ray on a processor with AVX2 and FMA.
 pub(crate) struct Avx2Ray {
-    /// Steps per unit of each axis, in all lanes, as what follows.
-    inverse: [__m256; 3],
+    /// Steps per unit of each axis.
+    inverse: [f32; 4],
     /// What to add for a face that is entered through: minus the origin's steps, less the bound.
-    enter: [__m256; 3],
+    enter: [f32; 4],
     /// What to add for a face that is left through: minus the origin's steps, and the bound.
-    exit: [__m256; 3],
-    start: __m256,
+    exit: [f32; 4],
     /// Byte offsets in a node: of the faces that are entered through, and of the order for this octant.
     near: [usize; 3],
     order: usize,
@@ -135,19 +134,16 @@ impl Avx2Ray {
             // A hit is at a finite t.
             let span = [ray.t_min * steps, ray.t_max.min(f32::MAX) * steps];
 
-            let in_all = |x: __m128| {
-                [
-                    _mm256_broadcastss_ps(x),
-                    _mm256_broadcastss_ps(_mm_permute_ps::<1>(x)),
-                    _mm256_broadcastss_ps(_mm_permute_ps::<2>(x)),
-                ]
+            let in_memory = |x: __m128| {
+                let mut array = [0.0; 4];
+                _mm_storeu_ps(array.as_mut_ptr(), x);
+                array
             };
             let near = [0, 1, 2].map(|axis| (2 * axis + (octant >> axis & 1)) * ROW);
             Some(Self {
-                inverse: in_all(inverse),
-                enter: in_all(enter),
-                exit: in_all(exit),
-                start: _mm256_set1_ps(span[0]),
+                inverse: in_memory(inverse),
+                enter: in_memory(enter),
+                exit: in_memory(exit),
                 near,
                 order: std::mem::offset_of!(WideNode, orders) + size_of::<u32>() * octant,
                 span,
@@ -173,6 +169,12 @@ impl WideRay for Avx2Ray {
     fn enter(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child> {
         // SAFETY: there is such a ray, so there is AVX2.
         unsafe { enter(self, node, limit, pending) }
+    }
+
+    #[inline(always)]
+    fn enter_or_pop(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Child {
+        // SAFETY: there is such a ray, so there is AVX2.
+        unsafe { enter_or_pop(self, node, limit, pending) }
     }
 
     /// Not inlined: what it needs would be kept in the memory of the loop around it, and prepared for rays that meet no
@@ -213,25 +215,8 @@ const fn lanes_of() -> [u64; 256] {
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn enter(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child> {
-    let base: *const u8 = (&raw const *node).cast();
-    // SAFETY: `at` is the offset of a row of the node.
-    let row = |at: usize| unsafe { _mm256_load_ps(base.add(at).cast()) };
-    let entered =
-        |axis: usize| _mm256_fmadd_ps(row(ray.near[axis]), ray.inverse[axis], ray.enter[axis]);
-    // The other row of a pair.
-    let left =
-        |axis: usize| _mm256_fmadd_ps(row(ray.near[axis] ^ ROW), ray.inverse[axis], ray.exit[axis]);
-    // Of a NaN and a number both instructions give the second, and these are numbers: what overflows is visited.
-    let first = _mm256_max_ps(
-        _mm256_max_ps(entered(0), entered(1)),
-        _mm256_max_ps(entered(2), ray.start),
-    );
-    let last = _mm256_min_ps(
-        _mm256_min_ps(left(0), left(1)),
-        _mm256_min_ps(left(2), _mm256_set1_ps(limit)),
-    );
-    let is_met = _mm256_cmp_ps::<_CMP_LE_OQ>(first, last);
-    let met = _mm256_movemask_ps(is_met).cast_unsigned();
+    let boxes = meet(ray, node, limit);
+    let met = _mm256_movemask_ps(boxes.is_met).cast_unsigned();
     if met == 0 {
         return None;
     }
@@ -239,24 +224,92 @@ fn enter(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) 
         // No order, no stack: in this, the most frequent case, the next node is known sooner.
         return Some(node.children[met.trailing_zeros() as usize % WIDTH]);
     }
+    let order = order(ray, node);
+    let met = push(node, order, &boxes, pending);
+    // SAFETY: they have been written. The nearest one is left out.
+    unsafe { pending.grow(met.count_ones() as usize - 1) };
+    let nearest = met.ilog2();
+    Some(node.children[(order >> (3 * nearest)) as usize % WIDTH])
+}
+
+/// Without a branch that depends on the ray.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn enter_or_pop(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Child {
+    let boxes = meet(ray, node, limit);
+    let met = push(node, order(ray, node), &boxes, pending);
+    // SAFETY: they have been written.
+    unsafe { pending.grow(met.count_ones() as usize) };
+    pending.pop_last()
+}
+
+/// Where a ray enters eight boxes, and which it meets.
+#[derive(Clone, Copy)]
+struct Met {
+    enters: __m256,
+    is_met: __m256,
+}
+
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn meet(ray: &Avx2Ray, node: &WideNode, limit: f32) -> Met {
+    let base: *const u8 = (&raw const *node).cast();
+    // SAFETY: `at` is the offset of a row of the node.
+    let row = |at: usize| unsafe { _mm256_load_ps(base.add(at).cast()) };
+    let inverse = |axis: usize| _mm256_set1_ps(ray.inverse[axis]);
+    let entered = |axis: usize| {
+        let add = _mm256_set1_ps(ray.enter[axis]);
+        _mm256_fmadd_ps(row(ray.near[axis]), inverse(axis), add)
+    };
+    // The other row of a pair.
+    let left = |axis: usize| {
+        let add = _mm256_set1_ps(ray.exit[axis]);
+        _mm256_fmadd_ps(row(ray.near[axis] ^ ROW), inverse(axis), add)
+    };
+    // Of a NaN and a number both instructions give the second, and these are numbers: what overflows is visited.
+    let enters = _mm256_max_ps(
+        _mm256_max_ps(entered(0), entered(1)),
+        _mm256_max_ps(entered(2), _mm256_set1_ps(ray.span[0])),
+    );
+    let leaves = _mm256_min_ps(
+        _mm256_min_ps(left(0), left(1)),
+        _mm256_min_ps(left(2), _mm256_set1_ps(limit)),
+    );
+    Met {
+        enters,
+        is_met: _mm256_cmp_ps::<_CMP_LE_OQ>(enters, leaves),
+    }
+}
+
+/// The lanes of a node from far to near, three bits each.
+#[inline(always)]
+fn order(ray: &Avx2Ray, node: &WideNode) -> u32 {
+    let base: *const u8 = (&raw const *node).cast();
     // SAFETY: the offset of an order.
-    let order = unsafe { base.add(ray.order).cast::<u32>().read() };
+    unsafe { base.add(ray.order).cast::<u32>().read() }
+}
+
+/// Writes the children that are met to the room of what is pending, in order. A bit for each place in the order where one
+/// is met.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn push(node: &WideNode, order: u32, boxes: &Met, pending: &mut Pending<'_>) -> u32 {
     let lanes = _mm256_srlv_epi32(
         _mm256_set1_epi32(order.cast_signed()),
         _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21),
     );
-    let met = _mm256_movemask_ps(_mm256_permutevar8x32_ps(is_met, lanes)).cast_unsigned();
-    let kept = _mm_cvtsi64_si128(LANES_OF[met as usize % LANES_OF.len()].cast_signed());
-    let kept = _mm256_permutevar8x32_epi32(lanes, _mm256_cvtepu8_epi32(kept));
+    let is_met = _mm256_permutevar8x32_ps(boxes.is_met, lanes);
+    let met = _mm256_movemask_ps(is_met).cast_unsigned();
+    let kept = &raw const LANES_OF[met as usize % LANES_OF.len()];
+    // SAFETY: there are eight bytes.
+    let kept = _mm256_cvtepu8_epi32(unsafe { _mm_loadl_epi64(kept.cast()) });
+    let kept = _mm256_permutevar8x32_epi32(lanes, kept);
     let (enters, children) = pending.room();
     // SAFETY: the room is for eight.
-    unsafe { _mm256_storeu_ps(enters, _mm256_permutevar8x32_ps(first, kept)) };
+    unsafe { _mm256_storeu_ps(enters, _mm256_permutevar8x32_ps(boxes.enters, kept)) };
     // SAFETY: there are eight children.
     let all = unsafe { _mm256_load_si256(node.children.as_ptr().cast()) };
     // SAFETY: the room is for eight.
     unsafe { _mm256_storeu_si256(children.cast(), _mm256_permutevar8x32_epi32(all, kept)) };
-    // SAFETY: eight have been written. The nearest one is left out.
-    unsafe { pending.grow(met.count_ones() as usize - 1) };
-    let nearest = met.ilog2();
-    Some(node.children[(order >> (3 * nearest)) as usize % WIDTH])
+    met
 }

@@ -38,6 +38,16 @@ impl Stack {
         }
     }
 
+    /// What was pending when it was left.
+    ///
+    /// # Safety
+    ///
+    /// So many entries of this stack have been written, or more.
+    #[inline(always)]
+    pub(crate) unsafe fn resume(&mut self, len: usize) -> Pending<'_> {
+        Pending { stack: self, len }
+    }
+
     /// No children.
     #[inline(always)]
     pub(crate) fn pending(&mut self) -> Pending<'_> {
@@ -81,6 +91,24 @@ impl Pending<'_> {
     #[inline(always)]
     pub(crate) unsafe fn grow(&mut self, count: usize) {
         self.len += count;
+    }
+
+    #[inline(always)]
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// The next child, wherever the ray enters its box.
+    ///
+    /// # Panics
+    ///
+    /// If there is none.
+    #[inline(always)]
+    pub(crate) fn pop_last(&mut self) -> Child {
+        assert!(self.len > 0, "something is pending");
+        self.len -= 1;
+        // SAFETY: entries below what was `len` have been written, so there are that many.
+        unsafe { self.stack.child.get_unchecked(self.len).assume_init() }
     }
 
     /// The next child whose box the ray enters no later than at `limit`; others before it are dropped.

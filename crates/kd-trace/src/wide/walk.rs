@@ -32,6 +32,17 @@ pub(crate) trait WideRay {
     /// The nearest child whose box the ray may meet up to `limit`; the others of them are pushed, farthest first.
     fn enter(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child>;
 
+    /// [`enter`](Self::enter), and where no box is met, [`pop_last`](Pending::pop_last).
+    ///
+    /// # Panics
+    ///
+    /// If nothing is pending.
+    #[inline(always)]
+    fn enter_or_pop(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Child {
+        self.enter(node, limit, pending)
+            .unwrap_or_else(|| pending.pop_last())
+    }
+
     /// Gives the collector every hit in the blocks up to `limit`; breaks if it does.
     fn visit<C: Collect, P: Probe>(
         &self,

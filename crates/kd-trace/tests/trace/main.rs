@@ -6,6 +6,7 @@ mod check;
 mod oracle;
 mod packed;
 mod properties;
+mod queues;
 mod random_tree;
 mod rays;
 mod reference;

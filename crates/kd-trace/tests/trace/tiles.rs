@@ -47,7 +47,7 @@ fn bundle(kind: Bundle, count: usize, width: f32, mesh: &Mesh, rng: &mut Rng) ->
 
 /// Asks both batches at every level, and gives the number of hits.
 #[track_caller]
-fn check(scene: &str, mesh: &Mesh, trees: &[WideTree], rays: &[Ray]) -> usize {
+pub(crate) fn check(scene: &str, mesh: &Mesh, trees: &[WideTree], rays: &[Ray]) -> usize {
     let expected: Vec<_> = rays
         .iter()
         .map(|ray| brute_force::intersect(mesh, ray))
@@ -66,7 +66,8 @@ fn check(scene: &str, mesh: &Mesh, trees: &[WideTree], rays: &[Ray]) -> usize {
     expected.iter().flatten().count()
 }
 
-fn both_levels(mesh: &Mesh) -> [WideTree; 2] {
+/// The default tree, traced at each level.
+pub(crate) fn levels(mesh: &Mesh) -> [WideTree; 2] {
     let tree = build(mesh, &BuildOptions::default()).expect("valid");
     let wide = WideTree::new(&tree, mesh);
     let portable = wide.clone().with_level(Level::portable());
@@ -77,7 +78,7 @@ fn both_levels(mesh: &Mesh) -> [WideTree; 2] {
 fn neighbours_answer_as_if_alone() {
     let mut rng = Rng(71);
     for (scene, mesh) in scenes::all() {
-        let trees = both_levels(&mesh);
+        let trees = levels(&mesh);
         let mut hits = 0;
         for kind in BUNDLES {
             // From a beam to more than can be traced together.
@@ -100,7 +101,7 @@ fn neighbours_that_nearly_miss() {
         if mesh.is_empty() {
             continue;
         }
-        let trees = both_levels(&mesh);
+        let trees = levels(&mesh);
         let size = mesh.bounds().extent().max_element();
         for _ in 0..60 {
             let triangle = u32::try_from(rng.below(mesh.len())).expect("small");
@@ -138,7 +139,7 @@ fn neighbours_that_nearly_miss() {
 fn neighbours_that_end_where_they_hit() {
     let mut rng = Rng(75);
     let mesh = sphere(4);
-    let trees = both_levels(&mesh);
+    let trees = levels(&mesh);
     let mut hits = 0;
     for round in 0..400 {
         let kind = BUNDLES[round % BUNDLES.len()];
@@ -167,7 +168,7 @@ fn neighbours_that_end_where_they_hit() {
 #[test]
 fn odd_ones_among_neighbours() {
     let mesh = sphere(3);
-    let trees = both_levels(&mesh);
+    let trees = levels(&mesh);
     let mut rng = Rng(73);
     let mut hits = 0;
     for round in 0..400 {
@@ -198,7 +199,7 @@ fn neighbours_at_any_scale() {
     for scale in [1e-30_f32, 1e-15, 1e-6, 1e6, 1e15, 1e30] {
         for shift in [0.0, 100.0] {
             let mesh = moved(&soup(), |p| (p + Vec3::splat(shift)) * scale);
-            let trees = both_levels(&mesh);
+            let trees = levels(&mesh);
             let mut hits = 0;
             for kind in BUNDLES {
                 for width in [1e-3, 0.05] {
