@@ -19,7 +19,7 @@ use crate::environment::Environment;
 use crate::rays::RayKind;
 use crate::run_folder;
 use crate::scenes;
-use crate::structure::{Batches, LayoutName, Structure};
+use crate::structure::{Asked, LayoutName, Manner, Structure};
 use crate::terminal;
 use crate::workload::{self, Amount, Workload};
 
@@ -30,33 +30,37 @@ const SCENE: &str = "gears";
 #[derive(Clone, Copy, Debug)]
 struct Way {
     layout: LayoutName,
-    /// All rays at once, and not one by one.
-    is_batch: bool,
+    /// One by one if nothing is said.
+    by: Option<Manner>,
 }
 
-const WAYS: [Way; 3] = [
+const WAYS: [Way; 4] = [
     Way {
         layout: LayoutName::Wide,
-        is_batch: false,
+        by: None,
     },
     Way {
         layout: LayoutName::Wide,
-        is_batch: true,
+        by: Some(Manner::Packets),
+    },
+    Way {
+        layout: LayoutName::Wide,
+        by: Some(Manner::Batch),
     },
     Way {
         layout: LayoutName::Binary,
-        is_batch: false,
+        by: None,
     },
 ];
 
 impl Way {
     fn name(self) -> String {
-        let layout = self.layout.name();
-        if self.is_batch {
-            format!("{layout}, in batches")
-        } else {
-            layout
-        }
+        let (layout, by) = (self.layout.name(), self.by_name());
+        format!("{layout}, {by}")
+    }
+
+    fn by_name(self) -> String {
+        self.by.map_or_else(|| "single".into(), |by| name_of(&by))
     }
 }
 
@@ -84,9 +88,9 @@ pub(crate) struct InstructionsArgs {
     #[arg(long, value_name = "NAME", hide = true)]
     layout: Option<LayoutName>,
 
-    /// All at once
-    #[arg(long, hide = true)]
-    batch: bool,
+    /// Put together so
+    #[arg(long, value_name = "MANNER", hide = true)]
+    by: Option<Manner>,
 }
 
 /// Counts and prints, or is what is counted.
@@ -94,15 +98,16 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
     if let (Some(kind), Some(layout)) = (arguments.inside, arguments.layout) {
         let way = Way {
             layout,
-            is_batch: arguments.batch,
+            by: arguments.by,
         };
         let (tree, workload) = prepare(kind, way)?;
         let mut answers = Answers::none(kind, workload.rays.len());
-        if way.is_batch {
-            rays_that_are_counted(&Batches(&tree), &workload, &mut answers);
-        } else {
-            rays_that_are_counted(&tree, &workload, &mut answers);
-        }
+        let asked = way.by.map(|by| Asked { tree: &tree, by });
+        let structure: &dyn Structure = match &asked {
+            Some(asked) => asked,
+            None => &tree,
+        };
+        rays_that_are_counted(structure, &workload, &mut answers);
         black_box(answers);
         return Ok(true);
     }
@@ -120,7 +125,7 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
             let line = json!({
                 "scene": SCENE,
                 "layout": way.layout.name(),
-                "batch": way.is_batch,
+                "by": way.by_name(),
                 "rays": name_of(kind),
                 "instructions_per_ray": per_ray,
                 "rev": rev,
@@ -163,13 +168,14 @@ fn rays_that_are_counted(structure: &dyn Structure, workload: &Workload, answers
 
 /// The instructions of all rays.
 fn count(kind: RayKind, way: Way) -> anyhow::Result<u64> {
+    let by = way.by.map(|by| ["--by".to_owned(), name_of(&by)]);
     let out = std::env::temp_dir().join(format!("kd-instructions-{}", std::process::id()));
     let status = Command::new("valgrind")
         .args(["--tool=callgrind", "--quiet", "--toggle-collect=*rays_that_are_counted*"])
         .arg(format!("--callgrind-out-file={}", out.display()))
         .arg(std::env::current_exe()?)
         .args(["instructions", "--inside", &name_of(&kind), "--layout", &way.layout.name()])
-        .args(way.is_batch.then_some("--batch"))
+        .args(by.into_iter().flatten())
         .status()
         .context("valgrind counts instructions; on Debian and Ubuntu, `apt-get install valgrind` installs it")?;
     anyhow::ensure!(status.success(), "valgrind: {status}");

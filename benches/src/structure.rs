@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::ValueEnum;
-use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray};
+use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray, RayPacket8};
 
 use crate::cli::name_of;
 use crate::memory::{Taken, bytes_during};
@@ -323,28 +323,56 @@ pub(crate) struct Shape {
     pub(crate) text: String,
 }
 
-/// Our tree, asked about all rays of a list at once.
-pub(crate) struct Batches<'a>(pub(crate) &'a KdTree);
+/// Our tree, asked about many rays at once.
+pub(crate) struct Asked<'a> {
+    pub(crate) tree: &'a KdTree,
+    pub(crate) by: Manner,
+}
 
-impl Structure for Batches<'_> {
+/// How rays are put together.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Manner {
+    /// All of a list.
+    Batch,
+    /// Eight at a time, as they lie in the list.
+    Packets,
+}
+
+impl Structure for Asked<'_> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.0.intersect_batch(rays, hits);
+        match self.by {
+            Manner::Batch => self.tree.intersect_batch(rays, hits),
+            Manner::Packets => {
+                for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
+                    let found = self.tree.intersect8(&RayPacket8::new(rays));
+                    hits.copy_from_slice(&found[..hits.len()]);
+                }
+            }
+        }
     }
 
     fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        self.0.occluded_batch(rays, hits);
+        match self.by {
+            Manner::Batch => self.tree.occluded_batch(rays, hits),
+            Manner::Packets => {
+                for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
+                    let found = self.tree.occluded8(&RayPacket8::new(rays));
+                    hits.copy_from_slice(&found[..hits.len()]);
+                }
+            }
+        }
     }
 
     fn counted(&self, ray: &Ray) -> Option<(Option<Hit>, Steps)> {
-        self.0.counted(ray)
+        self.tree.counted(ray)
     }
 
     fn shape(&self) -> Shape {
-        self.0.shape()
+        self.tree.shape()
     }
 
     fn flaw(&self) -> Option<String> {
-        self.0.flaw()
+        self.tree.flaw()
     }
 }
 

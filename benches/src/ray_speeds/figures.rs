@@ -14,7 +14,8 @@ use crate::rays::RayKind;
 use crate::record::median_ratio;
 use crate::scenes::SceneSource;
 use crate::structure::{
-    Batches, BuilderName, Distances, LayoutName, OrderedHits, Structure, StructureName, Variant,
+    Asked, BuilderName, Distances, LayoutName, Manner, OrderedHits, Structure, StructureName,
+    Variant,
 };
 use crate::workload::{self, Amount, Workload};
 
@@ -77,8 +78,9 @@ pub(super) struct Figures {
     pub(super) over_medium: ByKind,
     pub(super) over_robust: ByKind,
     pub(super) over_obvhs: ByKind,
-    /// Batches of [`COHERENT`] rays, over Embree's packets.
-    pub(super) over_packets: [f64; COHERENT.len()],
+    /// Batches of [`COHERENT`] rays, and packets of eight, over Embree's packets.
+    pub(super) batches_over_packets: [f64; COHERENT.len()],
+    pub(super) packets_over_packets: [f64; COHERENT.len()],
     /// Batches of [`INCOHERENT`] rays, over Embree's single rays; of large meshes only.
     pub(super) batches_over_medium: Option<[f64; INCOHERENT.len()]>,
     /// Batches, over single rays, both of ours.
@@ -113,10 +115,13 @@ impl Figures {
         let medium = rival(StructureName::Embree, mesh)?;
         let over_medium = measuring.single_speeds(&*medium);
         let batches_over_medium =
-            (mesh.len() >= LARGE).then(|| measuring.batch_speeds(INCOHERENT, &*medium));
+            (mesh.len() >= LARGE).then(|| measuring.speeds(Manner::Batch, INCOHERENT, &*medium));
         drop(medium);
         let over_robust = measuring.single_speeds(&*rival(StructureName::EmbreeRobust, mesh)?);
-        let over_packets = measuring.batch_speeds(COHERENT, &*rival(StructureName::Embree8, mesh)?);
+        let packets = rival(StructureName::Embree8, mesh)?;
+        let batches_over_packets = measuring.speeds(Manner::Batch, COHERENT, &*packets);
+        let packets_over_packets = measuring.speeds(Manner::Packets, COHERENT, &*packets);
+        drop(packets);
         let over_obvhs = measuring.single_speeds(&*rival(StructureName::Obvhs, mesh)?);
         let (first_over_filter, first_disagreement_ppm) =
             measuring.first_over_filter(&*peers::ordered_hits(mesh, 1)?);
@@ -125,9 +130,10 @@ impl Figures {
             over_medium,
             over_robust,
             over_obvhs,
-            over_packets,
+            batches_over_packets,
+            packets_over_packets,
             batches_over_medium,
-            batches_over_single: measuring.batch_speeds(KINDS, &tree),
+            batches_over_single: measuring.speeds(Manner::Batch, KINDS, &tree),
             first_over_filter,
             first_over_restarting: measuring.first_over_restarting(),
             first_disagreement_ppm,
@@ -183,12 +189,18 @@ impl<'a> Measuring<'a> {
         KINDS.map(|kind| self.speed(kind, "single", self.tree, rival))
     }
 
-    fn batch_speeds<const N: usize>(
+    fn speeds<const N: usize>(
         &mut self,
+        by: Manner,
         kinds: [RayKind; N],
         rival: &dyn Structure,
     ) -> [f64; N] {
-        kinds.map(|kind| self.speed(kind, "batched", &Batches(self.tree), rival))
+        let tree = self.tree;
+        let way = match by {
+            Manner::Batch => "batched",
+            Manner::Packets => "packed",
+        };
+        kinds.map(|kind| self.speed(kind, way, &Asked { tree, by }, rival))
     }
 
     /// How many times as fast ours is; `way` says how it is asked.

@@ -12,9 +12,9 @@
 
 use std::fmt;
 
-use kd_core::{Hit, Ray};
+use kd_core::{Hit, Ray, RayPacket8};
 
-use crate::collect::Collect;
+use crate::collect::{Any, Closest, Collect};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::Avx2;
 use crate::lanes::Portable;
@@ -114,6 +114,30 @@ impl Level {
         }
     }
 
+    /// The closest hit of the ray of each lane.
+    pub(crate) fn closest_of_packet(self, tree: &WideTree, packet: &RayPacket8) -> [Closest; 8] {
+        self.trace_packet(tree, packet)
+    }
+
+    /// Whether the ray of each lane hits anything.
+    pub(crate) fn any_of_packet(self, tree: &WideTree, packet: &RayPacket8) -> [Any; 8] {
+        self.trace_packet(tree, packet)
+    }
+
+    /// A collector for each lane.
+    #[inline]
+    fn trace_packet<C: Collect + Default>(self, tree: &WideTree, packet: &RayPacket8) -> [C; 8] {
+        match self.0 {
+            Instructions::Portable => {
+                let prepare = |ray: &Ray| PortableRay::new(ray, tree.frame());
+                wide::packet::trace(Portable, tree, packet, prepare)
+            }
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `detect` alone makes this value, and only where the processor has all of these.
+            Instructions::Avx2 => unsafe { trace_packet_avx2(tree, packet) },
+        }
+    }
+
     /// Whether each ray hits anything.
     pub(crate) fn any_of_each(self, tree: &WideTree, rays: &[Ray], occluded: &mut [bool]) {
         match self.0 {
@@ -146,6 +170,16 @@ fn any_of_each_avx2(tree: &WideTree, rays: &[Ray], occluded: &mut [bool]) {
     // SAFETY: the same.
     let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };
     wide::batch::any(simd, tree, rays, occluded, prepare);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn trace_packet_avx2<C: Collect + Default>(tree: &WideTree, packet: &RayPacket8) -> [C; 8] {
+    // SAFETY: this function may be called only where there are all of these.
+    let simd = unsafe { Avx2::new() };
+    // SAFETY: the same.
+    let prepare = |ray: &Ray| unsafe { Avx2Ray::new(ray, tree.frame()) };
+    wide::packet::trace(simd, tree, packet, prepare)
 }
 
 #[cfg(target_arch = "x86_64")]

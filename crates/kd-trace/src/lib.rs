@@ -43,6 +43,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! With the feature `counters`, queries that end in `_counted` tell what a ray took.
+//!
 //! # What is a hit
 //!
 //! One function of a ray and a triangle decides, and every query here gives exactly what asking it about every
@@ -68,6 +70,8 @@
 mod block;
 pub mod brute_force;
 mod collect;
+#[cfg(feature = "counters")]
+mod counters;
 mod float;
 mod lanes;
 pub mod lazy;
@@ -80,8 +84,9 @@ mod triangle;
 mod walk;
 mod wide;
 
+#[cfg(feature = "counters")]
+pub use counters::{TraversalCounts, intersect_counted};
 pub use level::Level;
 pub use packed::PackedTree;
-pub use probe::TraversalCounts;
-pub use query::{hits, intersect, intersect_counted, occluded};
+pub use query::{hits, intersect, occluded};
 pub use wide::WideTree;

@@ -12,13 +12,13 @@
 use std::ops::ControlFlow;
 
 use bytemuck::{cast_slice, cast_slice_mut};
-use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, TracedBytes, Tree};
+use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, TracedBytes, Tree};
 
 use crate::Level;
 use crate::block::Block;
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::lanes::LANES;
-use crate::probe::{Probe, TraversalCounts};
+use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 use crate::walk::Walkable;
 
@@ -168,20 +168,14 @@ impl PackedTree {
         }
     }
 
-    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        let mut closest = Closest::default();
-        let mut counts = TraversalCounts::default();
-        self.level.walk(self, ray, &mut closest, &mut counts);
-        (closest.0, counts)
+    /// [`intersect`](Self::intersect) for the ray of each lane, one after the other.
+    pub fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
+        packet.rays().map(|ray| self.intersect(&ray))
     }
 
-    /// As [`occluded`](Self::occluded), and what it took. Slower; for fitting costs to measured times.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
-        let mut any = Any::default();
-        let mut counts = TraversalCounts::default();
-        self.level.walk(self, ray, &mut any, &mut counts);
-        (any.0, counts)
+    /// [`occluded`](Self::occluded) for the ray of each lane, one after the other.
+    pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+        packet.rays().map(|ray| self.occluded(&ray))
     }
 }
 

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Ray, Tree};
 
 use crate::collect::{Any, Closest, Collect, Ordered};
-use crate::probe::{Probe, TraversalCounts};
+use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 use crate::walk::{Walkable, walk};
 
@@ -57,22 +57,10 @@ pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>)
     }
 }
 
-/// [`intersect`], and what it took. Slower; for heat maps and for comparing trees.
-///
-/// # Panics
-///
-/// As [`intersect`].
-pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-    let mut closest = Closest::default();
-    let mut counts = TraversalCounts::default();
-    walk(&Indexed { tree, mesh }, ray, &mut closest, &mut counts);
-    (closest.0, counts)
-}
-
 /// Leaves are lists of triangles of the mesh.
-struct Indexed<'a> {
-    tree: &'a Tree,
-    mesh: &'a Mesh,
+pub(crate) struct Indexed<'a> {
+    pub(crate) tree: &'a Tree,
+    pub(crate) mesh: &'a Mesh,
 }
 
 impl Walkable for Indexed<'_> {

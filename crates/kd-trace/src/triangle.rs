@@ -7,10 +7,14 @@
 //! - Sheared corners are computed in f64 and rounded to 26 bits. A corner gets one value per ray, whichever triangle
 //!   asks, and the products in an edge function of such values are exact in f64 (26 + 26 ≤ 53), so their difference
 //!   has the right sign, and `edge(a, b) == -edge(b, a)`. So two triangles never disagree about the edge they share,
-//!   and zero needs no second look in higher precision. (Rounding to f32 would do as well, but moves corners four
-//!   times as far, and may overflow.)
+//!   and zero needs no second look in higher precision.
 //! - Both windings count, so the shear need not keep the winding either.
 //! - Most triangles are rejected before, by the same computation in f32 and a bound of its error.
+//!
+//! Deciding in f32 as well was tried (2026-11-25, fourteen meshes): camera rays were 1.15 times as fast, random rays 1.1
+//! times. But hits are then off by some units in the last place of the *distance to the far end of the box*, boxes must be
+//! widened by as much, and rays that leave a surface enter its box again: shadow rays were 0.7 times as fast, 0.25 times over
+//! large ground planes.
 //!
 //! Nothing here may be contracted to a fused multiply-add: it would break the antisymmetry of edge functions. (Rust
 //! never does so by itself.)

@@ -11,22 +11,23 @@ pub(crate) mod avx2;
 pub(crate) mod batch;
 mod box_tree;
 mod collapse;
+mod decide;
 mod divide;
 mod emit;
 mod node;
 mod object_split;
+pub(crate) mod packet;
 pub(crate) mod portable;
 mod queue;
 mod stack;
 pub(crate) mod tile;
 pub(crate) mod walk;
 
-use kd_core::{Hit, Mesh, Ray, TracedBytes, Tree};
+use kd_core::{Hit, Mesh, Ray, RayPacket8, TracedBytes, Tree};
 
 use crate::Level;
 use crate::collect::{Any, Closest, Ordered};
 use crate::planes::Frame;
-use crate::probe::TraversalCounts;
 use arrays::Arrays;
 use box_tree::{BoxTree, Item};
 use divide::{Divider, MOST_LEVELS};
@@ -167,20 +168,18 @@ impl WideTree {
         self.level.any_of_each(self, rays, occluded);
     }
 
-    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        let mut closest = Closest::default();
-        let mut counts = TraversalCounts::default();
-        self.level.walk_wide(self, ray, &mut closest, &mut counts);
-        (closest.0, counts)
+    /// [`intersect`](Self::intersect) for the ray of each lane: `None` where there is none.
+    ///
+    /// Rays that move most on the same axis, and go the same way on all of them, go down the tree together.
+    pub fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
+        self.level
+            .closest_of_packet(self, packet)
+            .map(|closest| closest.0)
     }
 
-    /// As [`occluded`](Self::occluded), and what it took.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
-        let mut any = Any::default();
-        let mut counts = TraversalCounts::default();
-        self.level.walk_wide(self, ray, &mut any, &mut counts);
-        (any.0, counts)
+    /// [`occluded`](Self::occluded) for the ray of each lane, as by [`intersect8`](Self::intersect8).
+    pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+        self.level.any_of_packet(self, packet).map(|any| any.0)
     }
 }
 

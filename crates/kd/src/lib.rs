@@ -53,6 +53,7 @@
 //! | [`KdTree::occluded`] | whether there is any hit |
 //! | [`KdTree::hits`] | the first few hits, in order |
 //! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbours go the same way |
+//! | [`KdTree::intersect8`], [`KdTree::occluded8`] | the same for a [`RayPacket8`], whose rays lie side by side |
 //!
 //! Nothing a ray can hold makes a query panic: NaN, infinities, a zero direction and an inverted range are misses.
 //!
@@ -91,6 +92,8 @@
 //! adds `load_mesh`.
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "counters")]
+mod counters;
 mod lazy;
 mod traced;
 mod tree;
@@ -98,12 +101,14 @@ mod tree;
 pub use glam;
 pub use kd_core::{
     Aabb, Axis, CostModel, FileError, Hit, Layout, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
-    NodeIndex, NodeView, Ray, TracedBytes, Tree, TreeError, TreeStats, offset_origin,
+    NodeIndex, NodeView, Ray, RayPacket8, TracedBytes, Tree, TreeError, TreeStats, offset_origin,
 };
 pub use kd_sah::{BuildError, BuildOptions, Method, Watch};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
-pub use kd_trace::{Level, PackedTree, TraversalCounts, WideTree};
+#[cfg(feature = "counters")]
+pub use kd_trace::TraversalCounts;
+pub use kd_trace::{Level, PackedTree, WideTree};
 pub use lazy::LazyTree;
 pub use tree::KdTree;
 

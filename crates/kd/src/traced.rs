@@ -1,7 +1,7 @@
 //! What rays are traced through, in either layout.
 
-use kd_core::{Hit, Layout, Mesh, Ray, TracedBytes, Tree};
-use kd_trace::{Level, PackedTree, TraversalCounts, WideTree};
+use kd_core::{Hit, Layout, Mesh, Ray, RayPacket8, TracedBytes, Tree};
+use kd_trace::{Level, PackedTree, WideTree};
 
 /// A tree and its triangles, laid out for rays.
 #[derive(Clone, Debug)]
@@ -85,17 +85,17 @@ impl Traced {
         }
     }
 
-    pub(crate) fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+    pub(crate) fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
         match self {
-            Self::Binary(tree) => tree.intersect_counted(ray),
-            Self::Wide(tree) => tree.intersect_counted(ray),
+            Self::Binary(tree) => tree.intersect8(packet),
+            Self::Wide(tree) => tree.intersect8(packet),
         }
     }
 
-    pub(crate) fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+    pub(crate) fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
         match self {
-            Self::Binary(tree) => tree.occluded_counted(ray),
-            Self::Wide(tree) => tree.occluded_counted(ray),
+            Self::Binary(tree) => tree.occluded8(packet),
+            Self::Wide(tree) => tree.occluded8(packet),
         }
     }
 }

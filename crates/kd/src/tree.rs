@@ -5,9 +5,9 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::sync::Arc;
 
-use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, Tree, TreeStats};
+use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
 use kd_sah::{BuildError, BuildOptions, Watch};
-use kd_trace::{Level, TraversalCounts};
+use kd_trace::Level;
 
 use crate::traced::Traced;
 
@@ -22,7 +22,7 @@ use crate::traced::Traced;
 pub struct KdTree {
     mesh: Arc<Mesh>,
     tree: Tree,
-    traced: Traced,
+    pub(crate) traced: Traced,
 }
 
 impl KdTree {
@@ -213,14 +213,17 @@ impl KdTree {
         self.traced.occluded_batch(rays, occluded);
     }
 
-    /// [`intersect`](Self::intersect), and what it took: for heat maps and for finding what limits speed.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        self.traced.intersect_counted(ray)
+    /// The closest hit of the ray of each lane, equal to single calls; `None` where there is no ray.
+    ///
+    /// For programs whose rays come eight at a time: in the wide layout, those of them that go much the same way go down the
+    /// tree together. Where there are more, [`intersect_batch`](Self::intersect_batch) is faster.
+    pub fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
+        self.traced.intersect8(packet)
     }
 
-    /// [`occluded`](Self::occluded), and what it took.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
-        self.traced.occluded_counted(ray)
+    /// Whether the ray of each lane hits anything, equal to single calls; see [`intersect8`](Self::intersect8).
+    pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+        self.traced.occluded8(packet)
     }
 
     /// Counts, histograms, costs and sizes; linear in the number of nodes.

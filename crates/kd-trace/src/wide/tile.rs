@@ -12,24 +12,25 @@
 //! Triangle Intersection through Vertex Culling*, 2007.)
 
 mod alone;
-mod decide;
 mod frustum;
 mod gather;
 mod leaf;
 mod trace;
+mod waiting;
 
 use kd_core::{Hit, Ray};
 
 use super::WideTree;
+use super::decide;
 use super::walk::WideRay;
 use crate::collect::keep_first;
 use crate::float::{max, min};
 use crate::lanes::{LANES, Simd};
 use alone::Alone;
-use decide::{Turned, Waiting};
 use frustum::Frustum;
 use leaf::{Edges, Range, TERMS, TERMS_FROM_APEX, View};
 use trace::Tracer;
+use waiting::Waiting;
 
 /// Rays in a tile, at most.
 pub(crate) const RAYS: usize = 64;
@@ -42,6 +43,15 @@ type PerRay<T> = [[T; LANES]; GROUPS];
 const NOTHING: u32 = u32::MAX;
 /// A depth that no ray reaches.
 const OVER: f32 = f32::NEG_INFINITY;
+
+/// Rays, their axes in the order across, across and along.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turned {
+    origin: [PerRay<f32>; 3],
+    direction: [PerRay<f32>; 3],
+    t_min: PerRay<f32>,
+    t_max: PerRay<f32>,
+}
 
 /// What is known of up to 64 rays while they are traced.
 #[derive(Debug)]
@@ -99,6 +109,19 @@ impl Tile {
             whole: Frustum::default(),
             pending: Vec::new(),
             edges: Edges::default(),
+        }
+    }
+
+    /// The rays of a group.
+    #[inline(always)]
+    fn turned_group(&self, group: usize) -> decide::Rays<'_> {
+        let turned = &self.turned;
+        decide::Rays {
+            axes: self.view.axes,
+            origin: turned.origin.each_ref().map(|rows| &rows[group]),
+            direction: turned.direction.each_ref().map(|rows| &rows[group]),
+            t_min: &turned.t_min[group],
+            t_max: &turned.t_max[group],
         }
     }
 

@@ -88,7 +88,7 @@ pub(crate) fn walk_at<R: WideRay, C: Collect>(
 ///
 /// It is the root or a child of a node of the tree.
 #[inline(always)]
-unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
+pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
     tree: &WideTree,
     ray: &R,
     mut child: Child,

@@ -5,6 +5,7 @@ mod cells;
 mod check;
 mod oracle;
 mod packed;
+mod packets;
 mod properties;
 mod queues;
 mod random_tree;

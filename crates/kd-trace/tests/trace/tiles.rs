@@ -12,7 +12,7 @@ use crate::scenes::{self, moved, soup, sphere};
 
 /// Ways in which rays are neighbours.
 #[derive(Clone, Copy, Debug)]
-enum Bundle {
+pub(crate) enum Bundle {
     /// From one point.
     From,
     /// Segments to one point.
@@ -23,10 +23,16 @@ enum Bundle {
     Beside,
 }
 
-const BUNDLES: [Bundle; 4] = [Bundle::From, Bundle::To, Bundle::Along, Bundle::Beside];
+pub(crate) const BUNDLES: [Bundle; 4] = [Bundle::From, Bundle::To, Bundle::Along, Bundle::Beside];
 
 /// Rays whose ends are so far apart, in sizes of the mesh.
-fn bundle(kind: Bundle, count: usize, width: f32, mesh: &Mesh, rng: &mut Rng) -> Vec<Ray> {
+pub(crate) fn bundle(
+    kind: Bundle,
+    count: usize,
+    width: f32,
+    mesh: &Mesh,
+    rng: &mut Rng,
+) -> Vec<Ray> {
     let bounds = mesh.bounds();
     let size = bounds.extent().max_element();
     let near = |rng: &mut Rng, point: Vec3| point + width * size * rng.vec3();

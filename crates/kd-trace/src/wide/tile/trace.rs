@@ -3,7 +3,6 @@
 use kd_core::{Hit, Ray};
 
 use super::alone::Alone;
-use super::decide::{self, Place};
 use super::frustum::{Boxes, meet, meet_each};
 use super::leaf::{self, TERMS_FROM_APEX};
 use super::{OVER, Pending, Tile, most};
@@ -12,6 +11,7 @@ use crate::collect::{Any, Closest};
 use crate::float::min;
 use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task};
 use crate::wide::WideTree;
+use crate::wide::decide::{Place, decide};
 use crate::wide::node::{Child, WIDTH, WideNode};
 use crate::wide::walk::{WideRay, walk_at};
 
@@ -278,7 +278,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
     #[inline(always)]
     fn decide_at_once(&mut self, group: usize, place: Place<'_>, unclear: u32) -> bool {
         let tile = &mut *self.tile;
-        let decided = decide::decide(self.simd, tile.view.axes, &tile.turned, group, place);
+        let decided = decide(self.simd, &tile.turned_group(group), place);
         let mut left = decided.is_hit & unclear;
         let has_changed = left != 0;
         while left != 0 {

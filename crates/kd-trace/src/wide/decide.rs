@@ -5,10 +5,8 @@
 
 use kd_core::Hit;
 
-use super::{NOTHING, PerRay, Tile};
 use crate::block::Block;
-use crate::collect::keep_first;
-use crate::lanes::{F64x8, LANES, Mask, Number, Simd, Task};
+use crate::lanes::{F64x8, LANES, Mask, Number, Simd};
 use crate::triangle::{LEAST_SHARE, TO_26_BITS};
 
 /// Floats in a block, its numbers included, and in a corner of eight triangles.
@@ -58,13 +56,16 @@ impl<'a> Place<'a> {
     }
 }
 
-/// Rays, their axes in the order across, across and along, the last of which is where they move most.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turned {
-    pub(super) origin: [PerRay<f32>; 3],
-    pub(super) direction: [PerRay<f32>; 3],
-    pub(super) t_min: PerRay<f32>,
-    pub(super) t_max: PerRay<f32>,
+/// Eight rays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rays<'a> {
+    /// Across, across and along: the last is the one on which they all move most.
+    pub(super) axes: [usize; 3],
+    /// In that order, as are those of directions.
+    pub(super) origin: [&'a [f32; LANES]; 3],
+    pub(super) direction: [&'a [f32; LANES]; 3],
+    pub(super) t_min: &'a [f32; LANES],
+    pub(super) t_max: &'a [f32; LANES],
 }
 
 /// Rounded to f32, where no zero is negative.
@@ -120,16 +121,10 @@ impl Decided {
     }
 }
 
-/// The rays of a group, and triangles; `axes` are those of the rays.
+/// Eight rays, and a triangle for each.
 #[inline(always)]
-pub(super) fn decide<S: Simd>(
-    simd: S,
-    axes: [usize; 3],
-    turned: &Turned,
-    group: usize,
-    triangles: impl Triangles,
-) -> Decided {
-    let sight = Sight::new(simd, axes, turned, group);
+pub(super) fn decide<S: Simd>(simd: S, rays: &Rays<'_>, triangles: impl Triangles) -> Decided {
+    let sight = Sight::new(simd, rays);
     let corners = [
         sight.corner(simd, triangles, 0),
         sight.corner(simd, triangles, 1),
@@ -153,62 +148,14 @@ pub(super) fn decide<S: Simd>(
     let sum = sum(weights);
     let t = reported((a * t_a + b * t_b + c * t_c) / sum);
     let at = simd.load(&t);
-    let is_within = simd.load(&turned.t_min[group]).le(at)
-        & at.le(simd.load(&turned.t_max[group]))
+    let is_within = simd.load(rays.t_min).le(at)
+        & at.le(simd.load(rays.t_max))
         & at.abs().le(simd.splat(f32::MAX));
     Decided {
         is_hit: is_inside.bits() & is_within.bits(),
         t,
         u: reported(b / sum),
         v: reported(c / sum),
-    }
-}
-
-/// Rays whose first triangle is to be decided.
-pub(super) struct Waiting<'a, S> {
-    pub(super) simd: S,
-    pub(super) blocks: &'a [Block],
-    pub(super) tile: &'a Tile,
-    pub(super) hits: &'a mut [Option<Hit>],
-}
-
-impl<S: Simd> Task for Waiting<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let blocks = self.blocks;
-        let hits = self.hits.chunks_mut(LANES);
-        for (group, (numbers, hits)) in self.tile.place.iter().zip(hits).enumerate() {
-            if *numbers == [NOTHING; LANES] {
-                continue;
-            }
-            // Where there is nothing, another triangle stands in, whose answer is not taken.
-            let [a, b, c, d, e, f, g, h] = *numbers;
-            let places = [
-                Place::or_any(blocks, a),
-                Place::or_any(blocks, b),
-                Place::or_any(blocks, c),
-                Place::or_any(blocks, d),
-                Place::or_any(blocks, e),
-                Place::or_any(blocks, f),
-                Place::or_any(blocks, g),
-                Place::or_any(blocks, h),
-            ];
-            let decided = decide(
-                self.simd,
-                self.tile.view.axes,
-                &self.tile.turned,
-                group,
-                places,
-            );
-            for (lane, best) in hits.iter_mut().enumerate() {
-                if numbers[lane] == NOTHING || decided.is_hit >> lane & 1 == 0 {
-                    continue;
-                }
-                keep_first(best, decided.hit(lane, places[lane].triangle()));
-            }
-        }
     }
 }
 
@@ -223,18 +170,14 @@ struct Sight<N> {
 
 impl<N: F64x8> Sight<N> {
     #[inline(always)]
-    fn new<S: Simd<F64 = N>>(simd: S, axes: [usize; 3], turned: &Turned, group: usize) -> Self {
-        let [from_x, from_y, from_z] = &turned.origin;
-        let [x, y, along] = &turned.direction;
-        let along = simd.widen(&along[group]);
+    fn new<S: Simd<F64 = N>>(simd: S, rays: &Rays<'_>) -> Self {
+        let [x, y, along] = rays.direction;
+        let along = simd.widen(along);
+        let [from_x, from_y, from_z] = rays.origin;
         Self {
-            axes,
-            origin: [
-                simd.widen(&from_x[group]),
-                simd.widen(&from_y[group]),
-                simd.widen(&from_z[group]),
-            ],
-            shear: [simd.widen(&x[group]) / along, simd.widen(&y[group]) / along],
+            axes: rays.axes,
+            origin: [simd.widen(from_x), simd.widen(from_y), simd.widen(from_z)],
+            shear: [simd.widen(x) / along, simd.widen(y) / along],
             scale: simd.splat_f64(1.0) / along,
         }
     }

@@ -1,0 +1,128 @@
+//! Eight rays side by side.
+
+use crate::Ray;
+use glam::Vec3;
+
+/// Eight rays, number by number: what one field is to a [`Ray`], eight are here, a lane for each ray.
+///
+/// For programs that make their rays eight at a time. Any rays will do; those that go much the same way, such as of
+/// neighbouring pixels, share the work of a traversal.
+///
+/// ```
+/// use kd_core::{Ray, RayPacket8};
+///
+/// // Eight pixels in a row.
+/// let mut packet = RayPacket8::default();
+/// packet.direction[0] = [-3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 3.5];
+/// packet.direction[2] = [20.0; 8];
+/// assert_eq!(packet.ray(2), Ray::new([0.0; 3], [-1.5, 0.0, 20.0]));
+/// assert_eq!(packet, RayPacket8::new(&packet.rays()));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct RayPacket8 {
+    /// [`Ray::origin`], by axis.
+    pub origin: [[f32; 8]; 3],
+    /// [`Ray::direction`], by axis.
+    pub direction: [[f32; 8]; 3],
+    /// [`Ray::t_min`].
+    pub t_min: [f32; 8],
+    /// [`Ray::t_max`].
+    pub t_max: [f32; 8],
+    /// [`Ray::mask`]; 0 where there is no ray.
+    pub mask: [u32; 8],
+}
+
+/// From the origin in no direction, for `t` in [0, ∞), seeing all geometry: directions are to be filled in.
+impl Default for RayPacket8 {
+    fn default() -> Self {
+        Self::new(&[Ray::new(Vec3::ZERO, Vec3::ZERO); 8])
+    }
+}
+
+impl RayPacket8 {
+    /// Up to eight rays, in the first lanes. The others are without a ray, and hit nothing.
+    ///
+    /// # Panics
+    ///
+    /// If there are more.
+    pub fn new(rays: &[Ray]) -> Self {
+        assert!(rays.len() <= 8, "{} rays, of up to 8", rays.len());
+        let mut packet = Self {
+            origin: [[0.0; 8]; 3],
+            direction: [[0.0; 8]; 3],
+            t_min: [0.0; 8],
+            t_max: [0.0; 8],
+            mask: [0; 8],
+        };
+        for (lane, ray) in rays.iter().enumerate() {
+            packet.set(lane, ray);
+        }
+        packet
+    }
+
+    /// The ray of a lane.
+    ///
+    /// # Panics
+    ///
+    /// From lane 8 on.
+    #[inline]
+    pub fn ray(&self, lane: usize) -> Ray {
+        Ray {
+            origin: Vec3::from_array(self.origin.each_ref().map(|row| row[lane])),
+            direction: Vec3::from_array(self.direction.each_ref().map(|row| row[lane])),
+            t_min: self.t_min[lane],
+            t_max: self.t_max[lane],
+            mask: self.mask[lane],
+        }
+    }
+
+    /// Puts a ray in a lane.
+    ///
+    /// # Panics
+    ///
+    /// From lane 8 on.
+    #[inline]
+    pub fn set(&mut self, lane: usize, ray: &Ray) {
+        for axis in 0..3 {
+            self.origin[axis][lane] = ray.origin[axis];
+            self.direction[axis][lane] = ray.direction[axis];
+        }
+        self.t_min[lane] = ray.t_min;
+        self.t_max[lane] = ray.t_max;
+        self.mask[lane] = ray.mask;
+    }
+
+    /// All eight, in the order of their lanes.
+    pub fn rays(&self) -> [Ray; 8] {
+        std::array::from_fn(|lane| self.ray(lane))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_are_rays() {
+        let ray = |i: u8| {
+            let x = f32::from(i);
+            Ray::new([x, x + 0.1, x + 0.2], [1.0 - x, -x, 0.5 * x])
+                .with_range(-x, x)
+                .with_mask(i.into())
+        };
+        let rays: Vec<Ray> = (1..=8).map(ray).collect();
+        let packet = RayPacket8::new(&rays);
+        assert_eq!(packet.rays().as_slice(), rays, "lane by lane");
+        let three = RayPacket8::new(&rays[..3]);
+        assert_eq!(three.ray(2), rays[2], "the last one");
+        assert!(!three.ray(3).can_hit(), "no ray");
+        assert!(!RayPacket8::new(&[]).ray(0).can_hit(), "none at all");
+    }
+
+    #[test]
+    #[should_panic(expected = "9 rays")]
+    fn nine_are_too_many() {
+        RayPacket8::new(&[Ray::new(Vec3::ZERO, Vec3::X); 9]);
+    }
+}

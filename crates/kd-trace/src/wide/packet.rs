@@ -1,0 +1,321 @@
+//! Eight rays together, a lane for each.
+//!
+//! Rays that move most on the same axis, and go the same way on all of them, are a group, and go down the tree as one: each
+//! box is tested against all of them, and each triangle of a leaf, if it meets what [bounds](beam) the group. Where one or two
+//! rays are left, they go on by themselves ([`walk`](super::walk)).
+//!
+//! (I. Wald, P. Slusallek, C. Benthin, M. Wagner, *Interactive Rendering with Coherent Ray Tracing*, 2001.)
+#![allow(
+    unsafe_code,
+    reason = "children are followed without checking them again: see `arrays`"
+)]
+
+mod beam;
+mod slabs;
+mod triangles;
+
+use kd_core::{Hit, Ray, RayPacket8};
+
+use super::WideTree;
+use super::node::{Child, WIDTH, WideNode};
+use super::walk::{WideRay, walk, walk_below};
+use crate::collect::Collect;
+use crate::float::{max, min};
+use crate::lanes::{F32x8, LANES, Mask, Number, Simd};
+use beam::Beam;
+use slabs::Slabs;
+use triangles::Triangles;
+
+/// Sizes of directions and of coordinates within which nothing here overflows. Other rays are traced one by one.
+const MOST_DIRECTION: f32 = (1_u64 << 20) as f32;
+const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
+
+/// So few rays are faster one by one.
+const FEW: u32 = 2;
+
+/// No ray enters a box there.
+const NEVER: f32 = f32::INFINITY;
+/// The limit of a ray that is done.
+const OVER: f32 = f32::NEG_INFINITY;
+
+/// Traces the ray of each lane, with a collector of its own. `prepare` prepares a ray that goes on alone.
+#[inline(always)]
+pub(crate) fn trace<S: Simd, R: WideRay, C: Collect + Default>(
+    simd: S,
+    tree: &WideTree,
+    packet: &RayPacket8,
+    prepare: impl Fn(&Ray) -> Option<R>,
+) -> [C; LANES] {
+    let mut found = Found {
+        collectors: std::array::from_fn(|_| C::default()),
+        limits: [OVER; LANES],
+    };
+    let mut left = usual(simd, tree, packet).bits();
+    let mut others = u32::MAX >> (u32::BITS as usize - LANES) & !left;
+    while left != 0 {
+        let group = Group::of_first(simd, packet, left);
+        left &= !group.lanes;
+        if group.lanes.count_ones() <= FEW {
+            others |= group.lanes;
+            continue;
+        }
+        found.begin(packet, group.lanes);
+        let mut tracer = Tracer {
+            simd,
+            tree,
+            packet,
+            prepare: &prepare,
+            alone: [const { None }; LANES],
+            found: &mut found,
+        };
+        tracer.trace(&group);
+    }
+    for lane in Bits(others) {
+        if let Some(ray) = prepare(&packet.ray(lane)) {
+            walk(tree, &ray, &mut found.collectors[lane], &mut ());
+        }
+    }
+    found.collectors
+}
+
+/// The lanes whose bits are set, in order. (A loop over these is compiled for the lanes' instructions. A closure for each of
+/// them would not be: it took eight times as long.)
+struct Bits(u32);
+
+impl Iterator for Bits {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let lane = self.0.trailing_zeros() as usize % LANES;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
+
+/// What the rays have found, and how far they still go.
+struct Found<C> {
+    collectors: [C; LANES],
+    /// Or [`OVER`].
+    limits: [f32; LANES],
+}
+
+impl<C: Collect> Found<C> {
+    /// The rays of some lanes are on their way.
+    #[inline(always)]
+    fn begin(&mut self, packet: &RayPacket8, lanes: u32) {
+        self.limits = [OVER; LANES];
+        for lane in Bits(lanes) {
+            self.limits[lane] = min(packet.t_max[lane], f32::MAX);
+        }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, lane: usize, hit: Hit) {
+        // Whether the ray is done the collector knows.
+        let _ = self.collectors[lane].take(hit);
+        self.update(lane);
+    }
+
+    /// After a collector has taken hits.
+    #[inline(always)]
+    fn update(&mut self, lane: usize) {
+        let collector = &self.collectors[lane];
+        self.limits[lane] = if collector.is_done() {
+            OVER
+        } else {
+            min(collector.limit(), self.limits[lane])
+        };
+    }
+
+    /// The largest of the limits.
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        let mut all = self.limits;
+        for half in [4, 2, 1] {
+            for lane in 0..half {
+                all[lane] = max(all[lane], all[lane + half]);
+            }
+        }
+        all[0]
+    }
+}
+
+/// The lanes whose rays are finite and of usual sizes, and can hit something.
+#[inline(always)]
+fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as Number>::Mask {
+    let corners = tree.frame().corners.as_flattened();
+    let fits = corners.iter().all(|x| x.abs() <= MOST_COORDINATE);
+    let [x, y, z] = &packet.origin;
+    let (x, y, z) = (simd.load(x).abs(), simd.load(y).abs(), simd.load(z).abs());
+    let most = simd.splat(if fits { MOST_COORDINATE } else { OVER });
+    let is_near = x.le(most) & y.le(most) & z.le(most);
+    let [x, y, z] = &packet.direction;
+    let (x, y, z) = (simd.load(x).abs(), simd.load(y).abs(), simd.load(z).abs());
+    let most = simd.splat(MOST_DIRECTION);
+    let largest = x.max(y).max(z);
+    // Each by itself, because the largest of a number and NaN may be the number.
+    let is_usual = x.le(most)
+        & y.le(most)
+        & z.le(most)
+        & simd.splat(1.0 / MOST_DIRECTION).le(largest)
+        & simd.load(&packet.t_min).le(simd.load(&packet.t_max));
+    let sees = packet.mask.map(|mask| if mask == 0 { 0.0 } else { 1.0 });
+    is_near & is_usual & simd.splat(1.0).le(simd.load(&sees))
+}
+
+/// Rays that go much the same way.
+struct Group {
+    /// A bit for each.
+    lanes: u32,
+    /// Across, across, and along, where they move most.
+    axes: [usize; 3],
+    /// As in the orders of nodes.
+    octant: usize,
+}
+
+impl Group {
+    /// Those that go the way of the first one.
+    #[inline(always)]
+    fn of_first<S: Simd>(simd: S, packet: &RayPacket8, among: u32) -> Self {
+        let [x, y, z] = &packet.direction;
+        let (x, y, z) = (simd.load(x), simd.load(y), simd.load(z));
+        let first = among.trailing_zeros();
+        let mut lanes = among;
+        let mut octant = 0;
+        let zero = simd.splat(0.0);
+        let is_down = [x.lt(zero).bits(), y.lt(zero).bits(), z.lt(zero).bits()];
+        for (axis, is_down) in is_down.into_iter().enumerate() {
+            let is_first_down = is_down >> first & 1;
+            lanes &= if is_first_down != 0 {
+                is_down
+            } else {
+                !is_down
+            };
+            octant |= (is_first_down as usize) << axis;
+        }
+        let (x, y, z) = (x.abs(), y.abs(), z.abs());
+        let is_x = (y.le(x) & z.le(x)).bits();
+        let is_y = !is_x & z.le(y).bits();
+        let along = [is_x, is_y, !is_x & !is_y];
+        let along = along.iter().position(|lanes| lanes >> first & 1 != 0);
+        let along = along.unwrap_or(2);
+        lanes &= [is_x, is_y, !is_x & !is_y][along];
+        Self {
+            lanes,
+            axes: [(along + 1) % 3, (along + 2) % 3, along],
+            octant,
+        }
+    }
+}
+
+/// A child to visit later.
+#[derive(Clone, Copy)]
+struct Pending {
+    child: Child,
+    /// Where each ray enters its box, or [`NEVER`].
+    enters: [f32; LANES],
+}
+
+/// What traces a group.
+struct Tracer<'a, S, R, F, C> {
+    simd: S,
+    tree: &'a WideTree,
+    packet: &'a RayPacket8,
+    prepare: F,
+    /// Rays that have gone on alone.
+    alone: [Option<R>; LANES],
+    found: &'a mut Found<C>,
+}
+
+impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R, F, C> {
+    #[inline(always)]
+    fn trace(&mut self, group: &Group) {
+        let simd = self.simd;
+        let arrays = self.tree.arrays();
+        let slabs = Slabs::new(simd, self.tree.frame(), self.packet, group.octant);
+        let beam = Beam::new(simd, self.packet, &slabs, group.lanes);
+        let triangles = Triangles::new(simd, self.packet, group.axes, slabs.reach());
+        let mut stack = smallvec::SmallVec::<[Pending; 64]>::new();
+        stack.push(Pending {
+            child: arrays.root(),
+            enters: slabs.starts(),
+        });
+        while let Some(next) = stack.pop() {
+            let lanes = simd
+                .load(&next.enters)
+                .le(simd.load(&self.found.limits))
+                .bits();
+            if lanes == 0 {
+                continue;
+            }
+            if lanes.count_ones() <= FEW {
+                self.go_on_alone(next.child, lanes);
+                continue;
+            }
+            if next.child.is_leaf() {
+                // SAFETY: the root, or a leaf that came out of a node.
+                let blocks = unsafe { arrays.leaf(next.child) };
+                for block in blocks {
+                    triangles.visit(simd, block, &beam, lanes, self.found);
+                }
+                continue;
+            }
+            // SAFETY: the root, or what came out of a node, and no leaf.
+            let node = unsafe { arrays.node(next.child) };
+            let met = beam.meets(simd, node, self.found.farthest()).bits();
+            let order = node.orders[group.octant];
+            for place in 0..WIDTH {
+                let lane = (order >> (3 * place)) as usize % WIDTH;
+                if met >> lane & 1 != 0 {
+                    push(simd, &slabs, node, lane, &self.found.limits, &mut stack);
+                }
+            }
+        }
+    }
+
+    /// Traces some rays one by one below a child.
+    #[inline(always)]
+    fn go_on_alone(&mut self, child: Child, lanes: u32) {
+        for lane in Bits(lanes) {
+            let alone = &mut self.alone[lane];
+            if alone.is_none()
+                && let Some(ray) = (self.prepare)(&self.packet.ray(lane))
+            {
+                *alone = Some(ray);
+            }
+            let Some(ray) = alone else { continue };
+            let collector = &mut self.found.collectors[lane];
+            let end = min(ray.steps(self.found.limits[lane]), ray.end());
+            // SAFETY: the root or a child of a node of the tree.
+            unsafe { walk_below(self.tree, ray, child, end, collector, &mut ()) };
+            self.found.update(lane);
+        }
+    }
+}
+
+/// Leaves a child for later, if a ray may meet its box.
+#[inline(always)]
+fn push<S: Simd>(
+    simd: S,
+    slabs: &Slabs<S::F32>,
+    node: &WideNode,
+    lane: usize,
+    limits: &[f32; LANES],
+    stack: &mut smallvec::SmallVec<[Pending; 64]>,
+) {
+    let (enters, leaves) = slabs.span(simd, node, lane);
+    let is_met = enters.le(leaves.min(simd.load(limits)));
+    if is_met.bits() == 0 {
+        return;
+    }
+    let mut pending = Pending {
+        child: node.children[lane],
+        enters: [NEVER; LANES],
+    };
+    enters.store_where(is_met, &mut pending.enters);
+    stack.push(pending);
+}
