@@ -6,7 +6,7 @@
 use bytemuck::cast_slice;
 use thiserror::Error;
 
-use crate::{Node, NodeIndex, Pair, Slot};
+use crate::{Node, NodeIndex, Pair, Slot, Tree};
 
 /// The greatest number of interior nodes between a root and a leaf. Builders stay below it, freezing checks it, and
 /// traversals size their stacks by it.
@@ -220,6 +220,45 @@ impl Arena {
         }
         self.refs.extend_from_slice(refs);
         Ok(NodeIndex(node_base))
+    }
+
+    /// Appends all of a tree, whose references become those of `first_slot` and on, and gives its root's place. Linear in
+    /// the tree.
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError::TooLarge`] if it does not fit, [`TreeError::SlotOutOfRange`] if slots would be larger than 32 bits; the
+    /// arena is unchanged then.
+    pub fn append_tree(&mut self, tree: &Tree, first_slot: u32) -> Result<NodeIndex, TreeError> {
+        if first_slot.checked_add(tree.triangles()).is_none() {
+            return Err(TreeError::SlotOutOfRange {
+                index: 0,
+                slot: Slot(first_slot),
+                slots: u32::MAX,
+            });
+        }
+        let moved = |slot: &Slot| Slot(slot.0 + first_slot);
+        let refs: Vec<Slot> = tree.refs().iter().map(moved).collect();
+        let first = self.append(&tree.arena().pairs, &refs)?;
+        Ok(NodeIndex(first.0 + tree.root().0))
+    }
+
+    /// Appends references, and gives the place of the first.
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError::TooLarge`] if they do not fit.
+    pub fn push_refs(&mut self, refs: &[Slot]) -> Result<u32, TreeError> {
+        let first = self.refs.len();
+        let ends = [first, first + refs.len()].map(u32::try_from);
+        let [Ok(place), Ok(_)] = ends else {
+            return Err(TreeError::TooLarge {
+                nodes: 2 * self.pairs.len(),
+                refs: first + refs.len(),
+            });
+        };
+        self.refs.extend_from_slice(refs);
+        Ok(place)
     }
 
     /// Appends a pair whose nodes hold absolute indices, and gives the place of its first node. This is how a tree

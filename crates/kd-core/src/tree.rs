@@ -99,6 +99,10 @@ impl Tree {
         self.limited_cells
     }
 
+    pub(crate) fn arena(&self) -> &Arena {
+        &self.arena
+    }
+
     /// All nodes of the arena; indices in nodes refer to this slice. Unreachable ones may be among them.
     #[inline]
     pub fn nodes(&self) -> &[Node] {

@@ -7,6 +7,7 @@ use serde_json::Value;
 const EDGES: &[(&str, &[&str])] = &[
     ("kd-core", &[]),
     ("kd-sah", &["kd-core"]),
+    ("kd-merge", &["kd-core", "kd-sah"]),
     ("kd-trace", &["kd-core"]),
     ("kd-scene", &["kd-core"]),
     ("kd", &["kd-core", "kd-sah", "kd-trace", "kd-scene"]),

@@ -1,0 +1,186 @@
+//! Merging trees of an arena: what is public, around the parts that do it.
+
+use kd_core::{Aabb, Arena, Axis, MAX_DEPTH, NodeIndex, PrimSource, Slot, TreeError};
+use kd_sah::BuildError;
+use thiserror::Error;
+
+use crate::draft::{Draft, Subtree, View};
+use crate::partition::{Slots, cut};
+use crate::{Resplit, insert as inserting};
+
+/// A tree that was put together: fresh in its arena, until that is frozen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Merged {
+    /// Where it starts.
+    pub root: NodeIndex,
+    /// Nodes that were written.
+    pub new_nodes: usize,
+    /// References that were written.
+    pub new_references: usize,
+    /// Subtrees that it shares with other trees of the arena.
+    pub links: usize,
+}
+
+/// Why trees could not be put together.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum MergeError {
+    /// The arena is full.
+    #[error("the merged tree: {0}")]
+    Tree(#[from] TreeError),
+    /// A leaf could not be divided again.
+    #[error("a part of the merged tree: {0}")]
+    Build(#[from] BuildError),
+}
+
+/// Cuts a tree in two at a plane: what is below it, and what is above. (Eleftheriades 2010, §3.2, algorithm 7.)
+///
+/// A primitive that the plane cuts is in both, one that lies in it in the lower part. Nodes and references are numbers of the
+/// arena, and `source` tells primitives by them; `bounds` is the box around the tree's. The tree stays what it is, and what
+/// the plane does not pass through is shared with it. Linear in the nodes that the plane passes through.
+///
+/// # Errors
+///
+/// If a tree is not frozen, or the arena is full. What has been written is fresh, and can be truncated.
+pub fn partition(
+    arena: &mut Arena,
+    tree: NodeIndex,
+    source: &impl PrimSource,
+    bounds: Aabb,
+    axis: Axis,
+    position: f32,
+) -> Result<[Merged; 2], MergeError> {
+    check_frozen(arena, tree)?;
+    let mut draft = Draft::new(arena);
+    let parts = cut(
+        &mut draft,
+        source,
+        Subtree::Linked(tree),
+        &bounds,
+        axis,
+        position,
+    );
+    let finished = draft.finish();
+    let [below, above] = parts.map(|part| finished.write(arena, part));
+    Ok([below?, above?])
+}
+
+/// Sends primitives down a tree, and divides again what becomes too full. (Eleftheriades 2010, §3.5.)
+///
+/// `bounds` is the box around the tree's primitives and the new ones, `slots`. What none of them reaches into is shared.
+///
+/// # Errors
+///
+/// If a tree is not frozen, the arena is full, or a leaf cannot be divided. What has been written is fresh, and can be truncated.
+pub fn insert(
+    arena: &mut Arena,
+    tree: NodeIndex,
+    slots: &[Slot],
+    source: &impl PrimSource,
+    bounds: Aabb,
+    resplit: &Resplit,
+) -> Result<Merged, MergeError> {
+    check_frozen(arena, tree)?;
+    let mut draft = Draft::new(arena);
+    let tree = Subtree::Linked(tree);
+    let root = inserting::insert(&mut draft, source, resplit, tree, slots, &bounds, MAX_DEPTH)?;
+    Ok(draft.finish().write(arena, root)?)
+}
+
+/// Merges two trees: the second is cut by the planes of the first, and where one has come to a leaf, its primitives are sent
+/// down the other. (Eleftheriades 2010, §3.3, algorithm 8.)
+///
+/// `bounds` is the box around both. Where one tree is empty, the other is shared as it is. Where the planes of one below
+/// those of the other would make a path too long, that part is built anew. As the thesis says: it is correct, and not good,
+/// because it asks neither what a plane costs nor what it separates.
+///
+/// # Errors
+///
+/// If a tree is not frozen, the arena is full, or a part cannot be built. What has been written is fresh, and can be truncated.
+pub fn bsp_merge(
+    arena: &mut Arena,
+    trees: [NodeIndex; 2],
+    source: &impl PrimSource,
+    bounds: Aabb,
+    resplit: &Resplit,
+) -> Result<Merged, MergeError> {
+    for tree in trees {
+        check_frozen(arena, tree)?;
+    }
+    let mut merger = BspMerger {
+        draft: Draft::new(arena),
+        source,
+        resplit,
+    };
+    let [a, b] = trees.map(Subtree::Linked);
+    let root = merger.merge(a, b, &bounds, MAX_DEPTH)?;
+    Ok(merger.draft.finish().write(arena, root)?)
+}
+
+/// Trees that are put together have been frozen.
+fn check_frozen(arena: &Arena, tree: NodeIndex) -> Result<(), TreeError> {
+    let height = arena.height(tree);
+    height.map(|_| ()).ok_or(TreeError::BadRoot { node: tree })
+}
+
+struct BspMerger<'a, S> {
+    draft: Draft<'a>,
+    source: &'a S,
+    resplit: &'a Resplit,
+}
+
+impl<S: PrimSource> BspMerger<'_, S> {
+    /// `depth` is how many levels there may be.
+    fn merge(
+        &mut self,
+        a: Subtree,
+        b: Subtree,
+        cell: &Aabb,
+        depth: usize,
+    ) -> Result<Subtree, BuildError> {
+        if self.draft.is_empty(a) {
+            return Ok(b);
+        }
+        if self.draft.is_empty(b) {
+            return Ok(a);
+        }
+        if self.draft.height(a) + self.draft.height(b) > depth {
+            return self.rebuild([a, b], cell, depth);
+        }
+        let (draft, source, resplit) = (&mut self.draft, self.source, self.resplit);
+        match (draft.view(a), draft.view(b)) {
+            (_, View::Leaf(leaf)) => {
+                let slots = Slots::from_slice(draft.refs_of(leaf));
+                inserting::insert(draft, source, resplit, a, &slots, cell, depth)
+            }
+            (View::Leaf(leaf), _) => {
+                let slots = Slots::from_slice(draft.refs_of(leaf));
+                inserting::insert(draft, source, resplit, b, &slots, cell, depth)
+            }
+            (View::Split { axis, split, parts }, _) => {
+                let [below, above] = cut(draft, source, b, cell, axis, split);
+                let (lower, upper) = cell.split(axis, split);
+                let [a_below, a_above] = parts;
+                let lower = self.merge(a_below, below, &lower, depth - 1)?;
+                let upper = self.merge(a_above, above, &upper, depth - 1)?;
+                Ok(self.draft.split(axis, split, [lower, upper]))
+            }
+        }
+    }
+
+    fn rebuild(
+        &mut self,
+        parts: [Subtree; 2],
+        cell: &Aabb,
+        depth: usize,
+    ) -> Result<Subtree, BuildError> {
+        let mut slots = Vec::new();
+        for part in parts {
+            self.draft.collect(part, &mut slots);
+        }
+        slots.sort_unstable();
+        slots.dedup();
+        self.resplit
+            .rebuild(&mut self.draft, self.source, &slots, cell, depth)
+    }
+}

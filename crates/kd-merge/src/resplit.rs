@@ -1,0 +1,130 @@
+//! Leaves that have become too full are divided again.
+
+use kd_core::{Aabb, Axis, MAX_DEPTH, NodeIndex, NodeView, PrimSource, Slot, Tree};
+use kd_sah::{BuildError, BuildOptions, build};
+
+use crate::draft::{Draft, Subtree};
+use crate::partition::part_in;
+
+/// Which leaves are divided again, and how.
+#[derive(Clone, Debug)]
+pub struct Resplit {
+    above: usize,
+    options: BuildOptions,
+}
+
+impl Default for Resplit {
+    /// Leaves of more than 16 primitives, which is two blocks, with [`BuildOptions::balanced`].
+    fn default() -> Self {
+        Self::above(16, BuildOptions::balanced())
+    }
+}
+
+impl Resplit {
+    /// Leaves of more than so many primitives, with these options, on the calling thread.
+    #[must_use]
+    pub fn above(primitives: usize, options: BuildOptions) -> Self {
+        Self {
+            above: primitives,
+            options: options.with_threads(1),
+        }
+    }
+
+    /// No leaf.
+    #[must_use]
+    pub fn never() -> Self {
+        Self::above(usize::MAX, BuildOptions::default())
+    }
+
+    /// A leaf of `slots`, in `cell`, or what it is divided into, no deeper than `depth`.
+    pub(crate) fn leaf(
+        &self,
+        draft: &mut Draft<'_>,
+        source: &impl PrimSource,
+        slots: &[Slot],
+        cell: &Aabb,
+        depth: usize,
+    ) -> Result<Subtree, BuildError> {
+        if slots.len() <= self.above {
+            return Ok(draft.leaf(slots));
+        }
+        self.rebuild(draft, source, slots, cell, depth)
+    }
+
+    /// What `slots`, in `cell`, are divided into, no deeper than `depth`, however few there are.
+    pub(crate) fn rebuild(
+        &self,
+        draft: &mut Draft<'_>,
+        source: &impl PrimSource,
+        slots: &[Slot],
+        cell: &Aabb,
+        depth: usize,
+    ) -> Result<Subtree, BuildError> {
+        let depth = depth.min(MAX_DEPTH / 2);
+        if depth == 0 || slots.is_empty() {
+            return Ok(draft.leaf(slots));
+        }
+        let parts = slots.iter().map(|slot| part_in(source, *slot, cell));
+        let some = Chosen {
+            source,
+            slots,
+            parts: parts.collect(),
+        };
+        let depth = u32::try_from(depth).expect("a depth");
+        let tree = build(&some, &self.options.clone().with_max_depth(depth))?;
+        Ok(copy(draft, &tree, tree.root(), slots))
+    }
+}
+
+/// Copies a subtree over some primitives, numbered in their order.
+fn copy(draft: &mut Draft<'_>, tree: &Tree, place: NodeIndex, slots: &[Slot]) -> Subtree {
+    let node = tree.nodes()[place.index()];
+    match node.view() {
+        NodeView::Leaf { .. } => {
+            let refs = tree.leaf_refs(node).iter();
+            let refs: Vec<Slot> = refs.map(|number| slots[number.index()]).collect();
+            draft.leaf(&refs)
+        }
+        NodeView::Interior { axis, split, first } => {
+            let parts = [first, first.sibling()].map(|child| copy(draft, tree, child, slots));
+            draft.split(axis, split, parts)
+        }
+    }
+}
+
+/// Some of the primitives of a source, as they lie in a cell.
+struct Chosen<'a, S> {
+    source: &'a S,
+    slots: &'a [Slot],
+    parts: Vec<Aabb>,
+}
+
+impl<S: PrimSource> PrimSource for Chosen<'_, S> {
+    type Shape = S::Shape;
+
+    fn count(&self) -> u32 {
+        u32::try_from(self.slots.len()).expect("no more than there are slots")
+    }
+
+    fn bounds(&self, primitive: u32) -> Aabb {
+        self.parts[primitive as usize]
+    }
+
+    fn shape(&self, primitive: u32) -> S::Shape {
+        self.source.shape(self.slots[primitive as usize].0)
+    }
+
+    fn clipped_bounds(&self, shape: &S::Shape, cell: &Aabb) -> Option<Aabb> {
+        self.source.clipped_bounds(shape, cell)
+    }
+
+    fn clipped_halves(
+        &self,
+        shape: &S::Shape,
+        cell: &Aabb,
+        axis: Axis,
+        position: f32,
+    ) -> [Option<Aabb>; 2] {
+        self.source.clipped_halves(shape, cell, axis, position)
+    }
+}
