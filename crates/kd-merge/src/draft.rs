@@ -2,16 +2,27 @@
 
 use kd_core::{Arena, Axis, Node, NodeIndex, NodeView, Pair, Slot, TreeError};
 
-use crate::Merged;
+use crate::{Census, Merged};
 
 /// New nodes and references. Nothing of the arena is changed until they are [written](Draft::write).
 #[derive(Debug)]
 pub(crate) struct Draft<'a> {
     arena: &'a Arena,
+    census: Option<&'a Census>,
     new_nodes: Vec<New>,
-    /// Levels below each.
+    /// Levels and references below each.
     heights: Vec<usize>,
+    references: Vec<u32>,
     new_refs: Vec<Slot>,
+    pub(crate) counts: Counts,
+}
+
+/// What was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    pub(crate) cut: usize,
+    pub(crate) dissolved: usize,
+    pub(crate) rebuilt: usize,
 }
 
 /// A subtree.
@@ -62,16 +73,32 @@ pub(crate) struct Leaf {
 pub(crate) struct Finished {
     new_nodes: Vec<New>,
     new_refs: Vec<Slot>,
+    counts: Counts,
 }
 
 impl<'a> Draft<'a> {
     pub(crate) fn new(arena: &'a Arena) -> Self {
         Self {
             arena,
+            census: None,
             new_nodes: Vec::new(),
             heights: Vec::new(),
+            references: Vec::new(),
             new_refs: Vec::new(),
+            counts: Counts::default(),
         }
+    }
+
+    /// One that knows how many references there are.
+    pub(crate) fn with_census(arena: &'a Arena, census: &'a Census) -> Self {
+        Self {
+            census: Some(census),
+            ..Self::new(arena)
+        }
+    }
+
+    pub(crate) fn arena(&self) -> &'a Arena {
+        self.arena
     }
 
     /// What a subtree consists of.
@@ -121,7 +148,7 @@ impl<'a> Draft<'a> {
         }
         let (first, count) = (to_u32(self.new_refs.len()), to_u32(refs.len()));
         self.new_refs.extend_from_slice(refs);
-        self.add(New::Leaf { first, count }, 0)
+        self.add(New::Leaf { first, count }, 0, count)
     }
 
     /// A new node, or nothing over nothing.
@@ -129,11 +156,13 @@ impl<'a> Draft<'a> {
         if parts.iter().all(|part| self.is_empty(*part)) {
             return Subtree::Empty;
         }
-        let height = 1 + parts
-            .map(|part| self.height(part))
-            .into_iter()
-            .fold(0, usize::max);
-        self.add(New::Split { axis, split, parts }, height)
+        let heights = parts.map(|part| self.height(part));
+        let references = parts.map(|part| self.references(part));
+        self.add(
+            New::Split { axis, split, parts },
+            1 + heights[0].max(heights[1]),
+            references[0].saturating_add(references[1]),
+        )
     }
 
     /// Levels below a subtree, 0 for a leaf.
@@ -144,6 +173,15 @@ impl<'a> Draft<'a> {
                 usize::from(height.expect("what is linked is frozen"))
             }
             Subtree::New(number) => self.heights[number as usize],
+            Subtree::Empty => 0,
+        }
+    }
+
+    /// References below a subtree; of those that are linked only with a census.
+    pub(crate) fn references(&self, subtree: Subtree) -> u32 {
+        match subtree {
+            Subtree::Linked(place) => self.census.map_or(0, |census| census.references(place)),
+            Subtree::New(number) => self.references[number as usize],
             Subtree::Empty => 0,
         }
     }
@@ -165,9 +203,10 @@ impl<'a> Draft<'a> {
         matches!(self.view(subtree), View::Leaf(Leaf { count: 0, .. }))
     }
 
-    fn add(&mut self, node: New, height: usize) -> Subtree {
+    fn add(&mut self, node: New, height: usize, references: u32) -> Subtree {
         self.new_nodes.push(node);
         self.heights.push(height);
+        self.references.push(references);
         Subtree::New(to_u32(self.new_nodes.len() - 1))
     }
 
@@ -176,6 +215,7 @@ impl<'a> Draft<'a> {
         Finished {
             new_nodes: self.new_nodes,
             new_refs: self.new_refs,
+            counts: self.counts,
         }
     }
 }
@@ -197,6 +237,9 @@ impl Finished {
             new_nodes: 0,
             new_references: 0,
             links: 0,
+            cut: self.counts.cut,
+            dissolved: self.counts.dissolved,
+            rebuilt: self.counts.rebuilt,
         };
         let node = self.node(arena, root, &mut merged)?;
         arena.set(place, node);

@@ -2,7 +2,7 @@
 
 use std::collections::BinaryHeap;
 
-use kd_core::{Axis, NodeIndex, NodeView, PrimSource, Tree};
+use kd_core::{Axis, Node, NodeIndex, NodeView, PrimSource, Slot, Tree};
 
 use crate::Census;
 
@@ -18,6 +18,12 @@ pub struct Sides {
 }
 
 impl Sides {
+    pub(crate) fn add(&mut self, other: Self) {
+        self.left += other.left;
+        self.right += other.right;
+        self.on += other.on;
+    }
+
     /// All of them: as many as the tree has references.
     pub fn total(&self) -> f64 {
         self.left + self.right + self.on
@@ -59,21 +65,36 @@ pub fn estimate(
     position: f32,
     visits: usize,
 ) -> Sides {
-    let bounds = tree.bounds();
+    let of = (tree.nodes(), tree.refs(), census);
+    let range = [tree.bounds().min, tree.bounds().max].map(|corner| corner[axis.index()]);
+    estimate_below(of, source, tree.root(), range, axis, position, visits)
+}
+
+/// The same for what is below a node of an arena, whose cell has this range along the axis; given the arena's nodes and
+/// references, and their census.
+pub(crate) fn estimate_below(
+    (nodes, refs, census): (&[Node], &[Slot], &Census),
+    source: &impl PrimSource,
+    node: NodeIndex,
+    range: [f32; 2],
+    axis: Axis,
+    position: f32,
+    visits: usize,
+) -> Sides {
     let mut sides = Sides::default();
     let mut cut = BinaryHeap::new();
     let root = Cut {
-        references: census.references(tree.root()),
-        node: tree.root(),
-        range: [bounds.min[axis.index()], bounds.max[axis.index()]],
+        references: census.references(node),
+        node,
+        range,
     };
     root.sort(position, &mut sides, &mut cut);
     for _ in 0..visits {
         let Some(next) = cut.pop() else { break };
-        let node = tree.nodes()[next.node.index()];
+        let node = nodes[next.node.index()];
         match node.view() {
-            NodeView::Leaf { .. } => {
-                for slot in tree.leaf_refs(node) {
+            NodeView::Leaf { first, count } => {
+                for slot in &refs[first as usize..][..count as usize] {
                     let bounds = source.bounds(slot.0);
                     let [min, max] = [bounds.min, bounds.max].map(|corner| corner[axis.index()]);
                     if max <= position {

@@ -38,6 +38,7 @@
 //! | [`estimate`] | §3.1 | how many primitives lie on either side of a plane, from a few nodes |
 //! | [`partition`] | §3.2, Alg. 7 | cuts a tree in two at a plane |
 //! | [`bsp_merge`] | §3.3, Alg. 8 | cuts the second tree by the planes of the first |
+//! | [`partition_trees`] | §3.4, Alg. 9 | sweeps over boxes of trees, dissolves those that overlap |
 //! | [`insert`] | §3.5 | sends the primitives of the second tree down the first |
 //!
 //! Primitives are told by one [`PrimSource`](kd_core::PrimSource) whose numbers are the slots of references: those of all trees.
@@ -49,9 +50,10 @@ mod estimate;
 mod insert;
 mod merge;
 mod partition;
+mod partition_trees;
 mod resplit;
 
 pub use census::Census;
 pub use estimate::{Sides, estimate};
-pub use merge::{MergeError, Merged, bsp_merge, insert, partition};
+pub use merge::{MergeError, Merged, Placed, bsp_merge, insert, partition, partition_trees};
 pub use resplit::Resplit;

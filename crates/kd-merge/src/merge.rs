@@ -6,7 +6,8 @@ use thiserror::Error;
 
 use crate::draft::{Draft, Subtree, View};
 use crate::partition::{Slots, cut};
-use crate::{Resplit, insert as inserting};
+use crate::partition_trees::{Item, TreePartition};
+use crate::{Census, Resplit, insert as inserting};
 
 /// A tree that was put together: fresh in its arena, until that is frozen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,21 @@ pub struct Merged {
     pub new_references: usize,
     /// Subtrees that it shares with other trees of the arena.
     pub links: usize,
+    /// Trees that were cut by a plane of another, or between others.
+    pub cut: usize,
+    /// Roots that were taken away so that their children could be sorted.
+    pub dissolved: usize,
+    /// Parts that were built anew, leaves that were divided again among them.
+    pub rebuilt: usize,
+}
+
+/// A tree of an arena.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// Where it starts.
+    pub root: NodeIndex,
+    /// The box around its primitives.
+    pub bounds: Aabb,
 }
 
 /// Why trees could not be put together.
@@ -117,6 +133,47 @@ pub fn bsp_merge(
     Ok(merger.draft.finish().write(arena, root)?)
 }
 
+/// Merges any number of trees by the surface area heuristic over their boxes. (Eleftheriades 2010, §3.4, algorithm 9.)
+///
+/// A plane between trees is taken where there is one; where there is none, every tree is dissolved into its two children, and
+/// the best plane is taken then, whatever it cuts. It ends where one tree fills its volume, which is shared, or where there are
+/// only leaves left. The census is that of the arena. O(t log t) for t trees at each level, those that dissolving makes included:
+/// little where trees are apart, and much where they overlap.
+///
+/// # Errors
+///
+/// If a tree is not frozen, the arena is full, or a part cannot be built. What has been written is fresh, and can be truncated.
+///
+/// # Panics
+///
+/// If the census does not count all nodes of the trees.
+pub fn partition_trees(
+    arena: &mut Arena,
+    census: &Census,
+    trees: &[Placed],
+    source: &impl PrimSource,
+    resplit: &Resplit,
+) -> Result<Merged, MergeError> {
+    for tree in trees {
+        check_frozen(arena, tree.root)?;
+    }
+    let bounds = trees.iter().map(|tree| tree.bounds);
+    let bounds = bounds.fold(Aabb::EMPTY, |all, one| all.union(&one));
+    let items = trees.iter().map(|tree| Item {
+        tree: Subtree::Linked(tree.root),
+        cell: tree.bounds,
+    });
+    let mut draft = Draft::with_census(arena, census);
+    let mut partition = TreePartition {
+        draft: &mut draft,
+        census,
+        source,
+        resplit,
+    };
+    let root = partition.partition(items.collect(), &bounds, false, MAX_DEPTH)?;
+    Ok(draft.finish().write(arena, root)?)
+}
+
 /// Trees that are put together have been frozen.
 fn check_frozen(arena: &Arena, tree: NodeIndex) -> Result<(), TreeError> {
     let height = arena.height(tree);
@@ -158,6 +215,7 @@ impl<S: PrimSource> BspMerger<'_, S> {
                 inserting::insert(draft, source, resplit, b, &slots, cell, depth)
             }
             (View::Split { axis, split, parts }, _) => {
+                draft.counts.cut += 1;
                 let [below, above] = cut(draft, source, b, cell, axis, split);
                 let (lower, upper) = cell.split(axis, split);
                 let [a_below, a_above] = parts;

@@ -64,6 +64,7 @@ impl Resplit {
         if depth == 0 || slots.is_empty() {
             return Ok(draft.leaf(slots));
         }
+        draft.counts.rebuilt += 1;
         let parts = slots.iter().map(|slot| part_in(source, *slot, cell));
         let some = Chosen {
             source,

@@ -2,7 +2,9 @@
 
 use glam::Vec3;
 use kd_core::{Aabb, Arena, Axis, CostModel, Mesh, Node, NodeIndex, Pair, Slot, Tree};
-use kd_merge::{MergeError, Merged, Resplit, bsp_merge, insert, partition};
+use kd_merge::{
+    Census, MergeError, Merged, Placed, Resplit, bsp_merge, insert, partition, partition_trees,
+};
 use kd_sah::{BuildOptions, build};
 use kd_scene::Spd;
 use kd_trace::brute_force;
@@ -12,6 +14,7 @@ use proptest::prelude::*;
 struct Two {
     arena: Arena,
     trees: [NodeIndex; 2],
+    census: Census,
     meshes: [Mesh; 2],
     both: Mesh,
 }
@@ -28,6 +31,9 @@ impl Two {
             slots += count(mesh);
             arena.freeze(slots).expect("valid");
         }
+        let mut census = Census::new();
+        census.extend(&arena.nodes()[..trees[1].index()]);
+        census.extend(arena.nodes());
         let first = u32::try_from(still.positions().len()).expect("small");
         let moved_on = moving.triangles().iter().map(|t| t.map(|i| i + first));
         let both = Mesh::new(
@@ -37,9 +43,18 @@ impl Two {
         Self {
             arena,
             trees,
+            census,
             meshes: [still, moving],
             both: both.expect("valid"),
         }
+    }
+
+    /// Both trees with their boxes.
+    fn placed(&self) -> [Placed; 2] {
+        [0, 1].map(|i| Placed {
+            root: self.trees[i],
+            bounds: self.meshes[i].bounds(),
+        })
     }
 
     /// Numbers of the triangles that move.
@@ -176,6 +191,45 @@ fn primitives_are_inserted_at_every_overlap() {
             assert!(merged.links > 0, "{what}: {merged:?}");
         }
     }
+}
+
+#[test]
+fn trees_are_partitioned_at_every_overlap() {
+    for (what, two) in overlaps() {
+        for resplit in ways_to_resplit() {
+            let (merged, tree) = two.check(what, |arena, two| {
+                partition_trees(arena, &two.census, &two.placed(), &two.both, &resplit)
+            });
+            two.trace(what, &tree, 150);
+            let is_apart = what == "far apart" || what == "side by side";
+            assert!(merged.links > 0, "{what}: {merged:?}");
+            assert_eq!(merged.dissolved == 0, is_apart, "{what}: {merged:?}");
+            assert!(!is_apart || merged.new_nodes < 20, "{what}: {merged:?}");
+        }
+    }
+}
+
+#[test]
+fn any_number_of_trees_is_partitioned() {
+    let (_, two) = overlaps().remove(2);
+    let [one, _] = two.placed();
+    let mut arena = two.arena.clone();
+    let resplit = Resplit::default();
+    let mut partition = |trees: &[Placed]| {
+        partition_trees(&mut arena, &two.census, trees, &two.both, &resplit).expect("merged")
+    };
+    let none = partition(&[]);
+    assert_eq!((none.new_nodes, none.links), (0, 0), "an empty leaf");
+    let alone = partition(&[one]);
+    assert_eq!((alone.new_nodes, alone.links), (0, 1), "it is linked");
+    // The same tree twice: every primitive counts once.
+    let twice = partition(&[one, one]);
+    let slots = u32::try_from(two.both.len()).expect("small");
+    arena.freeze(slots).expect("valid");
+    let mesh = &two.meshes[0];
+    let tree = Tree::from_arena(arena, twice.root, mesh.bounds(), CostModel::PACKED);
+    let covered = tree.expect("valid").check_coverage(mesh);
+    covered.unwrap_or_else(|missing| panic!("twice: {missing}"));
 }
 
 #[test]
@@ -368,6 +422,9 @@ proptest! {
             });
             two.check("a soup", |arena, two| {
                 insert(arena, two.trees[0], &slots, &two.both, two.both.bounds(), &resplit)
+            });
+            two.check("a soup", |arena, two| {
+                partition_trees(arena, &two.census, &two.placed(), &two.both, &resplit)
             });
         }
     }
