@@ -28,12 +28,13 @@ impl CostModel {
 
     /// The model of our own traversal of packed leaves: eight triangles tested together cost 0.8 steps to the next node.
     ///
-    /// From a recorded run. A fit over its rays makes a block cost 10.0 ns and a node 4.6 ns, or 5.9 ns with the leaves
-    /// that come with it: K_I 0.21. Trees are not sensitive to it: those built for half of that trace in 1.00 times the
-    /// time (geometric mean; primary rays 1.05, diffuse and random ones 0.98) with 15 % fewer references, and build
-    /// faster, so that it is what is used. A quarter of the fit traces in 1.06 times the time, 1.5 and 2 times the fit in
-    /// 1.03 and 1.04; an empty bonus of 0.9 makes no difference, 0.5 and 1 are worse. (`cargo xtask calibrate --scenes
-    /// DIR --samples 7`, five kinds of rays on ten scenes, AVX2; `benches/records/2026-11-24-calibrate.json`.)
+    /// From a recorded run over the binary layout. A fit over its rays makes a block cost 11.3 ns and a node 7.2 ns: K_I
+    /// 0.20. Trees are not sensitive to it: those built for half of that trace in 1.03 times the time (geometric mean;
+    /// primary and shadow rays 1.05, random ones 0.99) with 14 % fewer references, and build faster, so that it is what is
+    /// used; the wide layout divides cells of up to a thousand triangles anew in any case. A quarter of the fit traces in
+    /// 1.09 times the time, 1.5 and 2 times the fit in 1.00 and 1.01; an empty bonus of 0.9 traces in 0.99 times the time, 0.5
+    /// in 1.06. (`cargo xtask calibrate --scenes DIR`, five kinds of rays on 25 scenes, AVX2;
+    /// `benches/records/2026-11-25-calibrate.json`.)
     pub const PACKED: Self = Self {
         traverse: 1.0,
         intersect: 0.1,

@@ -71,10 +71,10 @@ impl BuildOptions {
     /// For meshes that change often: planes across the longest axis of a cell only, between bins as they are in cells of
     /// more than 64 primitives.
     ///
-    /// Builds in 1.14 times the time of Embree's medium-quality build, traces in 1.05 times the time of
+    /// Builds in 1.12 times the time of Embree's medium-quality build, traces in 1.00 times the time of
     /// [`best`](Self::best), and its SAH cost is 1.04 times that of `best`.
     /// (`cargo xtask builds --scenes DIR` on six meshes of 39 000 to 203 000 triangles, geometric means, one thread;
-    /// `benches/records/2026-11-24-builds.jsonl`, as for the other presets.)
+    /// `benches/records/2026-11-25-builds.jsonl`, as for the other presets.)
     pub const fn fast() -> Self {
         Self {
             method: Method::Hybrid {
@@ -89,7 +89,7 @@ impl BuildOptions {
 
     /// The default: up to 256 bins in large cells, exact planes in those of up to 64 primitives.
     ///
-    /// Builds in 0.39 times the time of Embree's high-quality build, traces in 1.00 times the time of
+    /// Builds in 0.40 times the time of Embree's high-quality build, traces in 1.00 times the time of
     /// [`best`](Self::best), and its SAH cost is 1.003 times that of `best`.
     pub const fn balanced() -> Self {
         Self {

@@ -315,7 +315,9 @@ fn run<T: Task>(task: T) -> T::Output {
 /// same place, and on Zen 3 that took a twentieth of the time of camera rays (2026-11-25, five meshes).
 #[target_feature(enable = "avx2")]
 #[inline]
+#[cfg_attr(miri, allow(unused_mut, reason = "Miri runs no assembly"))]
 fn opaque(mut lanes: __m256) -> __m256 {
+    #[cfg(not(miri))]
     // SAFETY: there are no instructions.
     unsafe {
         std::arch::asm!("/* {0} */", inout(ymm_reg) lanes, options(pure, nomem, nostack, preserves_flags));
