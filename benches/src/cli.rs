@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::builds::BuildsArgs;
 use crate::calibrate::CalibrateArgs;
 use crate::instructions::InstructionsArgs;
+use crate::merges::MergesArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
@@ -28,6 +29,8 @@ pub(crate) enum Command {
     Builds(BuildsArgs),
     /// Print how fast our default tree answers rays, over rivals, with the goals
     Rays(RaysArgs),
+    /// Print what merging trees costs and is worth, over building anew, with the goals
+    Merges(MergesArgs),
     /// Count instructions per ray, which do not depend on how busy the machine is
     Instructions(InstructionsArgs),
     /// Write the HTML report of a recorded run again

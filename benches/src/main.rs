@@ -1,7 +1,7 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | rays | instructions | report | calibrate | compare`.
+//! Started by `cargo xtask bench | builds | rays | merges | instructions | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -18,6 +18,7 @@ mod goals;
 mod instructions;
 mod measure;
 mod memory;
+mod merges;
 mod native;
 mod peers;
 mod picture;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Builds(arguments) => builds::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
+        Command::Merges(arguments) => merges::run(&arguments),
         Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
         Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -44,6 +44,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("rays", arguments),
     },
     Command {
+        name: "merges",
+        arguments: "[OPTIONS]",
+        help: "print what merging trees costs and is worth, over building anew (`merges --help` lists the options)",
+        run: |arguments| bench::run("merges", arguments),
+    },
+    Command {
         name: "instructions",
         arguments: "[--json FILE]",
         help: "count instructions per ray, with valgrind: the same on every run",

@@ -184,51 +184,66 @@ impl Tree {
         let slack = 1e-9 * (self.bounds.max.as_dvec3() - self.bounds.min.as_dvec3()).length();
         for (triangle, _) in (0_u32..).zip(mesh.triangles()) {
             let polygon: Vec<DVec3> = mesh.corners(triangle).map(|p| p.as_dvec3()).to_vec();
-            if let Err(leaf) = self.covers(Slot(triangle), self.root, polygon, slack) {
+            let part = Part {
+                place: self.root,
+                polygon,
+            };
+            let mut missing = Vec::new();
+            self.add_missing(Slot(triangle), part, slack, &mut missing);
+            if let Some(Part { place: leaf, .. }) = missing.first() {
+                let leaf = *leaf;
                 return Err(Uncovered::Triangle { triangle, leaf });
             }
         }
         Ok(())
     }
 
-    /// Whether the leaves below `place` refer to `slot` wherever `polygon` reaches; the leaf that does not, if any.
-    fn covers(
-        &self,
-        slot: Slot,
-        place: NodeIndex,
-        polygon: Vec<DVec3>,
-        slack: f64,
-    ) -> Result<(), NodeIndex> {
+    /// Adds the parts of a part of a triangle that reach into leaves which do not refer to it.
+    fn add_missing(&self, slot: Slot, part: Part, slack: f64, missing: &mut Vec<Part>) {
+        let Part { place, polygon } = part;
         let node = self.nodes()[place.index()];
-        match node.view() {
+        let (axis, split, first) = match node.view() {
             NodeView::Leaf { .. } => {
-                if self.leaf_refs(node).contains(&slot) {
-                    Ok(())
-                } else {
-                    Err(place)
+                if !self.leaf_refs(node).contains(&slot) {
+                    missing.push(Part { place, polygon });
                 }
+                return;
             }
-            NodeView::Interior { axis, split, first } => {
-                let (axis, split) = (axis.index(), f64::from(split));
-                let reaches_lower = polygon.iter().any(|p| p[axis] < split - slack);
-                let reaches_upper = polygon.iter().any(|p| p[axis] > split + slack);
-                // Clipped even where the other part is too thin to matter: it may be wide along another axis.
-                let lower = part_below(&polygon, axis, split, 1.0);
-                let upper = part_below(&polygon, axis, split, -1.0);
-                match (reaches_lower, reaches_upper) {
-                    (true, false) => self.covers(slot, first, lower, slack),
-                    (false, true) => self.covers(slot, first.sibling(), upper, slack),
-                    (true, true) => {
-                        self.covers(slot, first, lower, slack)?;
-                        self.covers(slot, first.sibling(), upper, slack)
-                    }
-                    (false, false) => self
-                        .covers(slot, first, polygon.clone(), slack)
-                        .or_else(|_| self.covers(slot, first.sibling(), polygon, slack)),
-                }
+            NodeView::Interior { axis, split, first } => (axis.index(), f64::from(split), first),
+        };
+        let reaches_lower = polygon.iter().any(|p| p[axis] < split - slack);
+        let reaches_upper = polygon.iter().any(|p| p[axis] > split + slack);
+        let below = |polygon, missing: &mut Vec<Part>| {
+            let place = first;
+            self.add_missing(slot, Part { place, polygon }, slack, missing);
+        };
+        let above = |polygon, missing: &mut Vec<Part>| {
+            let place = first.sibling();
+            self.add_missing(slot, Part { place, polygon }, slack, missing);
+        };
+        if !(reaches_lower || reaches_upper) {
+            // What lies in the plane is on one side, one part of it perhaps on this and another on that.
+            let mut not_below = Vec::new();
+            below(polygon, &mut not_below);
+            for part in not_below {
+                above(part.polygon, missing);
             }
+            return;
+        }
+        // Clipped even where the other part is too thin to matter: it may be wide along another axis.
+        if reaches_lower {
+            below(part_below(&polygon, axis, split, 1.0), missing);
+        }
+        if reaches_upper {
+            above(part_below(&polygon, axis, split, -1.0), missing);
         }
     }
+}
+
+/// A part of a triangle, and the node into whose cell it reaches.
+struct Part {
+    place: NodeIndex,
+    polygon: Vec<DVec3>,
 }
 
 /// What a tree misses of its mesh.
@@ -321,6 +336,35 @@ mod tests {
             CostModel::CLASSIC,
         )
         .expect("valid")
+    }
+
+    /// A merged tree has such planes: those of one tree above those of another, which sorted parts as it liked.
+    #[test]
+    fn parts_in_a_plane_may_be_on_either_side() {
+        let positions = vec![[0.0, 0.0, 0.5], [2.0, 0.0, 0.5], [0.0, 2.0, 0.5]];
+        let mesh = Mesh::new(positions, vec![[0, 1, 2]]).expect("valid");
+        let node =
+            |axis, split, first| Node::interior(axis, split, NodeIndex(first)).expect("small");
+        let leaf = |first| Node::leaf(first, 1).expect("small");
+        let covered = |right: Node| {
+            let pairs = vec![
+                Pair([node(Axis::Z, 0.5, 2), Node::EMPTY_LEAF]),
+                Pair([node(Axis::X, 1.0, 4), node(Axis::X, 1.0, 6)]),
+                Pair([leaf(0), Node::EMPTY_LEAF]),
+                Pair([Node::EMPTY_LEAF, right]),
+            ];
+            let refs = vec![Slot(0), Slot(0)];
+            let tree = Tree::from_parts(pairs, refs, mesh.bounds(), 1, CostModel::CLASSIC);
+            tree.expect("valid").check_coverage(&mesh)
+        };
+        assert_eq!(covered(leaf(1)), Ok(()), "left below, right above");
+        let missing = covered(Node::EMPTY_LEAF);
+        let (triangle, leaf) = (0, NodeIndex(7));
+        assert_eq!(
+            missing,
+            Err(Uncovered::Triangle { triangle, leaf }),
+            "right nowhere"
+        );
     }
 
     #[test]

@@ -13,7 +13,9 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd", &["kd-core", "kd-sah", "kd-trace", "kd-scene"]),
     (
         "kd-bench",
-        &["kd", "kd-core", "kd-sah", "kd-trace", "kd-scene"],
+        &[
+            "kd", "kd-core", "kd-merge", "kd-sah", "kd-trace", "kd-scene",
+        ],
     ),
     ("xtask", &[]),
 ];
