@@ -137,8 +137,8 @@ pub fn bsp_merge(
 ///
 /// A plane between trees is taken where there is one; where there is none, every tree is dissolved into its two children, and
 /// the best plane is taken then, whatever it cuts. It ends where one tree fills its volume, which is shared, or where there are
-/// only leaves left. The census is that of the arena. Every plane is weighed against every tree, O(t²) for t trees in a volume,
-/// those that dissolving makes included: little where trees are apart, and much where they overlap.
+/// only leaves left. The census is that of the arena. O(t log t) for t trees in a volume, those that dissolving makes included:
+/// little where trees are apart, and much where they overlap.
 ///
 /// # Errors
 ///
