@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &MergesArgs) -> anyhow::Result<bool> {
     let table = table(&measured);
     println!("{table}");
     println!(
-        "one thread, medians of {} pairs; an update is the object's tree by `fast` and its merge into that of the rest",
+        "one thread, medians of {} pairs; an update is the object's tree by `fast`, which insertion does without, and its merge into that of the rest",
         arguments.samples
     );
     if let Some(path) = &arguments.json {

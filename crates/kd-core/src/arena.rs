@@ -421,6 +421,32 @@ mod tests {
     }
 
     #[test]
+    fn trees_are_appended_with_slots_of_their_own() {
+        let pairs = vec![root(interior(2)), Pair([leaf(0, 1), leaf(1, 1)])];
+        let refs = vec![Slot(1), Slot(0)];
+        let tree = Tree::from_parts(
+            pairs,
+            refs,
+            crate::Aabb::EMPTY,
+            2,
+            crate::CostModel::CLASSIC,
+        );
+        let tree = tree.expect("valid");
+        let mut arena = Arena::new();
+        assert_eq!(arena.append_tree(&tree, 0), Ok(NodeIndex(0)), "the first");
+        assert_eq!(arena.append_tree(&tree, 5), Ok(NodeIndex(4)), "the second");
+        assert_eq!(arena.refs(), [1, 0, 6, 5].map(Slot), "numbered on");
+        assert_eq!(arena.nodes()[4], interior(6), "and its nodes are its own");
+        assert_eq!(arena.push_refs(&[Slot(3)]), Ok(4), "behind them");
+        assert_eq!(arena.freeze(7), Ok(()), "all of it is valid");
+        let refused = arena.append_tree(&tree, u32::MAX - 1);
+        assert!(
+            refused.is_err() && arena.refs().len() == 5,
+            "{refused:?}: as it was"
+        );
+    }
+
+    #[test]
     fn broken_nodes_are_named() {
         let rows: [(Vec<Pair>, &str); 7] = [
             (

@@ -4,7 +4,7 @@ use kd_core::{Arena, Axis, Node, NodeIndex, NodeView, Pair, Slot, TreeError};
 
 use crate::{Census, Merged};
 
-/// New nodes and references. Nothing of the arena is changed until they are [written](Draft::write).
+/// New nodes and references. Nothing of the arena is changed until they are [written](Finished::write).
 #[derive(Debug)]
 pub(crate) struct Draft<'a> {
     arena: &'a Arena,
@@ -101,6 +101,10 @@ impl<'a> Draft<'a> {
         self.arena
     }
 
+    pub(crate) fn census(&self) -> Option<&'a Census> {
+        self.census
+    }
+
     /// What a subtree consists of.
     pub(crate) fn view(&self, subtree: Subtree) -> View {
         match subtree {
@@ -186,8 +190,19 @@ impl<'a> Draft<'a> {
         }
     }
 
+    /// All references below some subtrees, each slot once, in order.
+    pub(crate) fn slots(&self, subtrees: impl IntoIterator<Item = Subtree>) -> Vec<Slot> {
+        let mut slots = Vec::new();
+        for subtree in subtrees {
+            self.collect(subtree, &mut slots);
+        }
+        slots.sort_unstable();
+        slots.dedup();
+        slots
+    }
+
     /// Adds all references below a subtree to a list.
-    pub(crate) fn collect(&self, subtree: Subtree, to: &mut Vec<Slot>) {
+    fn collect(&self, subtree: Subtree, to: &mut Vec<Slot>) {
         match self.view(subtree) {
             View::Leaf(leaf) => to.extend_from_slice(self.refs_of(leaf)),
             View::Split { parts, .. } => {

@@ -166,7 +166,6 @@ pub fn partition_trees(
     let mut draft = Draft::with_census(arena, census);
     let mut partition = TreePartition {
         draft: &mut draft,
-        census,
         source,
         resplit,
     };
@@ -232,12 +231,7 @@ impl<S: PrimSource> BspMerger<'_, S> {
         cell: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        let mut slots = Vec::new();
-        for part in parts {
-            self.draft.collect(part, &mut slots);
-        }
-        slots.sort_unstable();
-        slots.dedup();
+        let slots = self.draft.slots(parts);
         self.resplit
             .rebuild(&mut self.draft, self.source, &slots, cell, depth)
     }

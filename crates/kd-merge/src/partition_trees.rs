@@ -8,13 +8,13 @@
 //! again; what a plane cuts is taken for evenly spread, and looked at by [`estimate`](crate::estimate) where the plane is among
 //! the best few; and where a path would become too long, the part is built anew.
 
-use kd_core::{Aabb, Axis, PrimSource, Slot};
+use kd_core::{Aabb, Axis, PrimSource};
 use kd_sah::BuildError;
 
+use crate::Resplit;
 use crate::draft::{Draft, Subtree, View};
 use crate::estimate::{Sides, estimate_below};
 use crate::partition::cut;
-use crate::{Census, Resplit};
 
 /// How many nodes of a tree an estimate visits, of a plane that cuts it.
 const VISITS: usize = 8;
@@ -29,7 +29,6 @@ pub(crate) struct Item {
 /// What trees are partitioned with.
 pub(crate) struct TreePartition<'a, 'd, S> {
     pub(crate) draft: &'d mut Draft<'a>,
-    pub(crate) census: &'a Census,
     pub(crate) source: &'a S,
     pub(crate) resplit: &'a Resplit,
 }
@@ -248,10 +247,10 @@ impl<S: PrimSource> TreePartition<'_, '_, S> {
 
     /// What lies where, of a tree that the plane cuts.
     fn sides_of_cut(&self, item: &Item, axis: Axis, position: f32) -> Sides {
-        if let Subtree::Linked(node) = item.tree {
+        if let (Subtree::Linked(node), Some(census)) = (item.tree, self.draft.census()) {
             let arena = self.draft.arena();
             let cell = range(&item.cell, axis);
-            let of = (arena.nodes(), arena.refs(), self.census);
+            let of = (arena.nodes(), arena.refs(), census);
             return estimate_below(of, self.source, node, cell, axis, position, VISITS);
         }
         let references = f64::from(self.draft.references(item.tree));
@@ -294,7 +293,7 @@ impl<S: PrimSource> TreePartition<'_, '_, S> {
         volume: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        let slots = self.slots(items);
+        let slots = self.draft.slots(items.iter().map(|item| item.tree));
         self.resplit
             .leaf(self.draft, self.source, &slots, volume, depth)
     }
@@ -305,20 +304,9 @@ impl<S: PrimSource> TreePartition<'_, '_, S> {
         volume: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        let slots = self.slots(items);
+        let slots = self.draft.slots(items.iter().map(|item| item.tree));
         self.resplit
             .rebuild(self.draft, self.source, &slots, volume, depth)
-    }
-
-    /// All primitives of some trees, each once.
-    fn slots(&self, items: &[Item]) -> Vec<Slot> {
-        let mut slots = Vec::new();
-        for item in items {
-            self.draft.collect(item.tree, &mut slots);
-        }
-        slots.sort_unstable();
-        slots.dedup();
-        slots
     }
 }
 

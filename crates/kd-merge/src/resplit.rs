@@ -1,6 +1,6 @@
 //! Leaves that have become too full are divided again.
 
-use kd_core::{Aabb, Axis, MAX_DEPTH, NodeIndex, NodeView, PrimSource, Slot, Tree};
+use kd_core::{Aabb, Axis, NodeIndex, NodeView, PrimSource, Slot, Tree};
 use kd_sah::{BuildError, BuildOptions, build};
 
 use crate::draft::{Draft, Subtree};
@@ -60,7 +60,6 @@ impl Resplit {
         cell: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        let depth = depth.min(MAX_DEPTH / 2);
         if depth == 0 || slots.is_empty() {
             return Ok(draft.leaf(slots));
         }
@@ -71,7 +70,8 @@ impl Resplit {
             slots,
             parts: parts.collect(),
         };
-        let depth = u32::try_from(depth).expect("a depth");
+        let usual = self.options.depth_limit(slots.len());
+        let depth = u32::try_from(depth).map_or(usual, |depth| depth.min(usual));
         let tree = build(&some, &self.options.clone().with_max_depth(depth))?;
         Ok(copy(draft, &tree, tree.root(), slots))
     }

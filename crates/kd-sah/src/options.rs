@@ -250,8 +250,9 @@ impl BuildOptions {
         Ok(())
     }
 
-    /// The depth limit for so many primitives. In whole numbers, so that every platform agrees.
-    pub(crate) fn depth_limit(&self, primitives: usize) -> u32 {
+    /// The depth limit for so many primitives: the one that was set, or 8 + 1.3 log₂ N and at most 48. In whole numbers, so
+    /// that every platform agrees.
+    pub fn depth_limit(&self, primitives: usize) -> u32 {
         self.max_depth
             .unwrap_or_else(|| (8 + 13 * primitives.max(1).ilog2() / 10).min(DEPTH_CAP))
     }

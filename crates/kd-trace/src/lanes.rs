@@ -10,6 +10,8 @@ mod avx2;
 use std::array::from_fn;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
+use crate::float::{max, min};
+
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 
@@ -89,6 +91,29 @@ pub(crate) trait Mask:
 {
     /// A bit for each lane, the lowest for the first.
     fn bits(self) -> u32;
+}
+
+/// The largest of eight numbers.
+#[inline(always)]
+pub(crate) fn most(of: &[f32; LANES]) -> f32 {
+    folded(of, max)
+}
+
+/// The smallest of eight numbers.
+#[inline(always)]
+pub(crate) fn least(of: &[f32; LANES]) -> f32 {
+    folded(of, min)
+}
+
+#[inline(always)]
+fn folded(of: &[f32; LANES], fold: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut all = *of;
+    for half in [4, 2, 1] {
+        for lane in 0..half {
+            all[lane] = fold(all[lane], all[lane + half]);
+        }
+    }
+    all[0]
 }
 
 /// Arrays, for any processor.

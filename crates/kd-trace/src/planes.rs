@@ -53,7 +53,10 @@ use kd_core::{Aabb, Ray};
 use crate::float::{max, min};
 
 /// Directions below this fraction of the largest are taken for it: 2⁻⁶⁰, inverted.
-pub(crate) const STEEPEST: f64 = (1_u64 << 60) as f64;
+const STEEPEST: f64 = (1_u64 << 60) as f64;
+/// The same limit, of slopes.
+pub(crate) const LEAST_SLOPE: f32 = 1.0 / (1_u64 << 60) as f32;
+const _: () = assert!(LEAST_SLOPE as f64 * STEEPEST == 1.0, "the same limit");
 /// 2⁻²⁰, of the distance to the box's faces.
 pub(crate) const RELATIVE: f32 = 1.0 / (1 << 20) as f32;
 /// 2⁻²³, of the longest side.

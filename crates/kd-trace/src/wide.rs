@@ -21,6 +21,7 @@ pub(crate) mod portable;
 mod queue;
 mod stack;
 pub(crate) mod tile;
+mod usual;
 pub(crate) mod walk;
 
 use kd_core::{Hit, Mesh, Ray, RayPacket8, TracedBytes, Tree};

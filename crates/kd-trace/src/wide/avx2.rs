@@ -23,7 +23,7 @@ use super::stack::Pending;
 use super::walk::WideRay;
 use crate::block::Block;
 use crate::collect::Collect;
-use crate::planes::{Frame, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE, STEEPEST, unit_of};
+use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE, unit_of};
 use crate::probe::Probe;
 use triangles::Avx2Test;
 
@@ -47,10 +47,6 @@ pub(crate) struct Avx2Ray {
     steps: f32,
     test: Avx2Test,
 }
-
-/// The least slope that counts, of the largest: one over [`STEEPEST`].
-const LEAST_SLOPE: f32 = 1.0 / (1_u64 << 60) as f32;
-const _: () = assert!(LEAST_SLOPE as f64 * STEEPEST == 1.0, "the same limit");
 
 /// A power of two that f32 has.
 #[allow(clippy::cast_possible_truncation, reason = "it is exact")]

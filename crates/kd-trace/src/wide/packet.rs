@@ -18,17 +18,14 @@ use kd_core::{Hit, Ray, RayPacket8};
 
 use super::WideTree;
 use super::node::{Child, WIDTH, WideNode};
+use super::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
 use super::walk::{WideRay, walk, walk_below};
 use crate::collect::Collect;
-use crate::float::{max, min};
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd};
+use crate::float::min;
+use crate::lanes::{F32x8, LANES, Mask, Number, Simd, most};
 use beam::Beam;
 use slabs::Slabs;
 use triangles::Triangles;
-
-/// Sizes of directions and of coordinates within which nothing here overflows. Other rays are traced one by one.
-const MOST_DIRECTION: f32 = (1_u64 << 20) as f32;
-const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
 
 /// So few rays are faster one by one.
 const FEW: u32 = 2;
@@ -130,28 +127,18 @@ impl<C: Collect> Found<C> {
             min(collector.limit(), self.limits[lane])
         };
     }
-
-    /// The largest of the limits.
-    #[inline(always)]
-    fn farthest(&self) -> f32 {
-        let mut all = self.limits;
-        for half in [4, 2, 1] {
-            for lane in 0..half {
-                all[lane] = max(all[lane], all[lane + half]);
-            }
-        }
-        all[0]
-    }
 }
 
 /// The lanes whose rays are finite and of usual sizes, and can hit something.
 #[inline(always)]
 fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as Number>::Mask {
-    let corners = tree.frame().corners.as_flattened();
-    let fits = corners.iter().all(|x| x.abs() <= MOST_COORDINATE);
     let [x, y, z] = &packet.origin;
     let (x, y, z) = (simd.load(x).abs(), simd.load(y).abs(), simd.load(z).abs());
-    let most = simd.splat(if fits { MOST_COORDINATE } else { OVER });
+    let most = simd.splat(if fits(tree.frame()) {
+        MOST_COORDINATE
+    } else {
+        OVER
+    });
     let is_near = x.le(most) & y.le(most) & z.le(most);
     let [x, y, z] = &packet.direction;
     let (x, y, z) = (simd.load(x).abs(), simd.load(y).abs(), simd.load(z).abs());
@@ -161,7 +148,7 @@ fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as N
     let is_usual = x.le(most)
         & y.le(most)
         & z.le(most)
-        & simd.splat(1.0 / MOST_DIRECTION).le(largest)
+        & simd.splat(LEAST_DIRECTION).le(largest)
         & simd.load(&packet.t_min).le(simd.load(&packet.t_max));
     let sees = packet.mask.map(|mask| if mask == 0 { 0.0 } else { 1.0 });
     is_near & is_usual & simd.splat(1.0).le(simd.load(&sees))
@@ -266,7 +253,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R,
             }
             // SAFETY: the root, or what came out of a node, and no leaf.
             let node = unsafe { arrays.node(next.child) };
-            let met = beam.meets(simd, node, self.found.farthest()).bits();
+            let met = beam.meets(simd, node, most(&self.found.limits)).bits();
             let order = node.orders[group.octant];
             for place in 0..WIDTH {
                 let lane = (order >> (3 * place)) as usize % WIDTH;

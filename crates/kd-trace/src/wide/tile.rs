@@ -22,9 +22,10 @@ use kd_core::{Hit, Ray};
 
 use super::WideTree;
 use super::decide;
+use super::usual::fits;
 use super::walk::WideRay;
 use crate::collect::keep_first;
-use crate::float::{max, min};
+use crate::float::min;
 use crate::lanes::{LANES, Simd};
 use alone::Alone;
 use frustum::Frustum;
@@ -154,7 +155,7 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
         Self {
             simd,
             tree,
-            fits: gather::fits(tree.frame()),
+            fits: fits(tree.frame()),
             tile: Tile::new(),
             alone: Alone::new(prepare),
         }
@@ -214,27 +215,4 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
             hits,
         });
     }
-}
-
-/// The largest of eight numbers.
-#[inline(always)]
-fn most(of: &[f32; LANES]) -> f32 {
-    folded(of, max)
-}
-
-/// The smallest of eight numbers.
-#[inline(always)]
-fn least(of: &[f32; LANES]) -> f32 {
-    folded(of, min)
-}
-
-#[inline(always)]
-fn folded(of: &[f32; LANES], fold: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut all = *of;
-    for half in [4, 2, 1] {
-        for lane in 0..half {
-            all[lane] = fold(all[lane], all[lane + half]);
-        }
-    }
-    all[0]
 }

@@ -3,12 +3,8 @@
 use kd_core::RayPacket8;
 
 use crate::lanes::{F32x8, LANES, Simd};
-use crate::planes::{Frame, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE, STEEPEST};
+use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE};
 use crate::wide::node::WideNode;
-
-/// The least slope that counts, of the largest: one over [`STEEPEST`].
-const LEAST_SLOPE: f32 = 1.0 / (1_u64 << 60) as f32;
-const _: () = assert!(LEAST_SLOPE as f64 * STEEPEST == 1.0, "the same limit");
 
 /// Eight rays that go the same way on every axis. Distances are in `t`.
 pub(super) struct Slabs<F> {

@@ -9,7 +9,7 @@ use super::beam::Beam;
 use super::{Bits, Found};
 use crate::block::Block;
 use crate::collect::Collect;
-use crate::lanes::{F32x8, Mask, Number, Simd};
+use crate::lanes::{F32x8, Mask, Number, Simd, most};
 use crate::triangle::{BLUR, SLOPE};
 use crate::wide::decide::{Place, Rays, decide};
 
@@ -65,7 +65,7 @@ impl<'a, F: F32x8> Triangles<'a, F> {
     ) {
         // Where there is no triangle, there are NaN, which are met.
         let there = (1_u32 << block.count()) - 1;
-        let met = beam.meets(simd, block, found.farthest()).bits() & there;
+        let met = beam.meets(simd, block, most(&found.limits)).bits() & there;
         for lane in Bits(met) {
             let may_hit = self.may_hit(simd, block, lane) & lanes;
             if may_hit != 0 {
@@ -89,8 +89,8 @@ impl<'a, F: F32x8> Triangles<'a, F> {
         let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
         let size = size(a).max(size(b)).max(size(c));
         let bound = (size + self.blur).mul_add(self.slope, simd.splat(f32::MIN_POSITIVE));
-        let (least, most) = (u.min(v).min(w), u.max(v).max(w));
-        let is_inside = (simd.splat(0.0) - bound).le(least) | most.le(bound);
+        let (lowest, highest) = (u.min(v).min(w), u.max(v).max(w));
+        let is_inside = (simd.splat(0.0) - bound).le(lowest) | highest.le(bound);
         is_inside.bits()
     }
 

@@ -7,27 +7,16 @@ use kd_core::{Axis, Ray};
 
 use super::frustum::Apex;
 use super::leaf::{MOST_SPREAD, View};
-use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile, least, most};
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task};
+use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile};
+use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task, least, most};
 use crate::planes::Frame;
 use crate::triangle::steepest_axis;
-
-/// Sizes of directions: within these no depth underflows or overflows.
-const LEAST_DIRECTION: f32 = 1.0 / (1 << 20) as f32;
-const MOST_DIRECTION: f32 = (1 << 20) as f32;
-/// Of coordinates, so that products of three differences do not overflow.
-const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
+use crate::wide::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION};
 
 /// A little more than a number that has been rounded a few times.
 const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 const _: () = assert!(GROUPS == LANES, "a lane for each group");
-
-/// Whether rays through a tree can be tiles at all.
-pub(super) fn fits(frame: &Frame) -> bool {
-    let corners = frame.corners.as_flattened();
-    corners.iter().all(|x| x.abs() <= MOST_COORDINATE)
-}
 
 /// Rays that may be a tile.
 struct Gather<'a, S> {
@@ -52,7 +41,7 @@ impl Tile {
     ///
     /// What is asked: that they move most on the same axis, and the same way; that their slopes differ by no more than
     /// [`MOST_SPREAD`] from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more. The frame
-    /// must [fit](fits).
+    /// must [fit](crate::wide::usual::fits).
     pub(super) fn gather<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
         simd.apart(Gather {
             simd,
@@ -369,6 +358,7 @@ mod tests {
 
     use super::*;
     use crate::lanes::Portable;
+    use crate::wide::usual::fits;
 
     /// Eight by eight rays; the first argument is where they are in the square, from -1 to 1.
     fn square(ray: impl Fn(Vec3) -> Ray) -> Vec<Ray> {
