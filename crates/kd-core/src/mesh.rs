@@ -1,6 +1,6 @@
 //! Triangle meshes, checked once.
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3, Vec3A};
 use thiserror::Error;
 
 use crate::Aabb;
@@ -12,7 +12,7 @@ pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
 ///
 /// It is checked when it is made and cannot be changed after, so everything behind it relies on that. A mesh without
 /// triangles is valid: nothing hits it. Triangles of zero area are valid too: they are kept, so that triangle numbers
-/// stay the caller's, counted in [`zero_area_count`](Self::zero_area_count), and never hurt.
+/// stay the caller's, counted by [`zero_area_count`](Self::zero_area_count), and never hurt.
 ///
 /// Memory: 12 bytes a vertex and 12 bytes a triangle.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,7 +20,6 @@ pub struct Mesh {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     bounds: Aabb,
-    zero_area: usize,
 }
 
 /// Why a mesh was refused.
@@ -47,6 +46,14 @@ pub enum MeshError {
         /// How many vertices there are.
         vertices: usize,
     },
+    /// New positions for a mesh that has another number of vertices.
+    #[error("{given} positions for a mesh of {vertices} vertices")]
+    VertexCount {
+        /// How many were given.
+        given: usize,
+        /// How many vertices there are.
+        vertices: usize,
+    },
     /// More than [`MAX_TRIANGLES`] triangles.
     #[error("{triangles} triangles are too many, at most {MAX_TRIANGLES} fit")]
     TooLarge {
@@ -69,9 +76,7 @@ impl Mesh {
                 triangles: triangles.len(),
             });
         }
-        if let Some(vertex) = positions.iter().position(|p| !Vec3::from(*p).is_finite()) {
-            return Err(MeshError::NotFinite { vertex });
-        }
+        check_finite(&positions)?;
         let vertices = positions.len();
         for (triangle, indices) in triangles.iter().enumerate() {
             if let Some(corner) = indices.iter().position(|&i| i as usize >= vertices) {
@@ -83,18 +88,58 @@ impl Mesh {
                 });
             }
         }
-        let mut mesh = Self {
+        Ok(Self::checked(positions, triangles))
+    }
+
+    /// What [`new`](Self::new) would accept.
+    fn checked(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Self {
+        let corners = triangles.iter().flatten();
+        let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (min, max) = corners.fold(nothing, |(min, max), &i| {
+            let corner = Vec3A::from(positions[i as usize]);
+            (min.min(corner), max.max(corner))
+        });
+        let bounds = if triangles.is_empty() {
+            Aabb::EMPTY
+        } else {
+            Aabb {
+                min: min.into(),
+                max: max.into(),
+            }
+        };
+        Self {
             positions,
             triangles,
-            bounds: Aabb::EMPTY,
-            zero_area: 0,
-        };
-        for triangle in 0..mesh.len() {
-            let corners = mesh.corners_at(triangle);
-            mesh.bounds = mesh.bounds.union(&Aabb::around(corners));
-            mesh.zero_area += usize::from(has_zero_area(corners));
+            bounds,
         }
-        Ok(mesh)
+    }
+
+    /// The same triangles over other positions, one for each vertex. Faster than [`new`](Self::new): indices have been
+    /// checked.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError::VertexCount`] and [`MeshError::NotFinite`].
+    pub fn with_positions(&self, positions: Vec<[f32; 3]>) -> Result<Self, MeshError> {
+        if positions.len() != self.positions.len() {
+            return Err(MeshError::VertexCount {
+                given: positions.len(),
+                vertices: self.positions.len(),
+            });
+        }
+        check_finite(&positions)?;
+        Ok(Self::checked(positions, self.triangles.clone()))
+    }
+
+    /// The mesh moved by a transform, which may be any: mirrored triangles turn their other side, flattened ones may have
+    /// no area.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError::NotFinite`] names the first vertex that is moved to where f32 ends.
+    pub fn transformed(&self, by: &Affine3A) -> Result<Self, MeshError> {
+        let moved = |position: &[f32; 3]| by.transform_point3a(Vec3A::from(*position)).to_array();
+        self.with_positions(self.positions.iter().map(moved).collect())
     }
 
     /// The vertices.
@@ -127,10 +172,11 @@ impl Mesh {
         self.bounds
     }
 
-    /// How many triangles have an area of exactly zero (two equal corners, or all on a line).
-    #[inline]
+    /// How many triangles have an area of exactly zero (two equal corners, or all on a line). Looks at each of them.
     pub fn zero_area_count(&self) -> usize {
-        self.zero_area
+        let all = 0..self.len();
+        all.filter(|&triangle| has_zero_area(self.corners_at(triangle)))
+            .count()
     }
 
     /// The three corners of a triangle.
@@ -162,6 +208,14 @@ impl Mesh {
     #[inline]
     fn corners_at(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|i| Vec3::from(self.positions[i as usize]))
+    }
+}
+
+fn check_finite(positions: &[[f32; 3]]) -> Result<(), MeshError> {
+    let is_finite = |position: &[f32; 3]| Vec3::from(*position).is_finite();
+    match positions.iter().position(|position| !is_finite(position)) {
+        Some(vertex) => Err(MeshError::NotFinite { vertex }),
+        None => Ok(()),
     }
 }
 
@@ -221,6 +275,24 @@ mod tests {
         assert_eq!(mesh.triangles(), triangles, "all of them stay");
         assert_eq!(mesh.normal(0), Vec3::Z, "counter-clockwise seen from +z");
         assert_eq!(mesh.normal(1), Vec3::ZERO, "no area, no normal");
+    }
+
+    #[test]
+    fn moved_meshes_are_checked_again() {
+        let mesh = Mesh::new(SQUARE.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        let short = mesh.with_positions(SQUARE[1..].to_vec());
+        let message = "3 positions for a mesh of 4 vertices";
+        assert_eq!(short.expect_err("one is missing").to_string(), message);
+        let mut bad = SQUARE.to_vec();
+        bad[2][1] = f32::NAN;
+        let refused = mesh.with_positions(bad).expect_err("NaN");
+        assert_eq!(refused, MeshError::NotFinite { vertex: 2 });
+        let huge = Affine3A::from_scale(Vec3::splat(f32::MAX)) * Affine3A::from_scale(Vec3::splat(2.0));
+        let refused = mesh.transformed(&huge).expect_err("overflows");
+        assert_eq!(refused, MeshError::NotFinite { vertex: 0 });
+        let up = mesh.transformed(&Affine3A::from_translation(Vec3::Z));
+        let up = up.expect("finite");
+        assert_eq!((up.bounds().min.z, up.triangles()), (1.0, mesh.triangles()), "moved");
     }
 
     #[test]

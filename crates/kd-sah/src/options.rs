@@ -193,6 +193,11 @@ impl BuildOptions {
         self
     }
 
+    /// How planes are chosen: see [`with_method`](Self::with_method).
+    pub const fn method(&self) -> Method {
+        self.method
+    }
+
     /// How many threads build: see [`with_threads`](Self::with_threads).
     pub const fn threads(&self) -> usize {
         self.threads

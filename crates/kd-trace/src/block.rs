@@ -7,7 +7,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use kd_core::Mesh;
+use kd_core::{Aabb, Mesh};
 
 use crate::lanes::LANES;
 use crate::triangle::LaneCorners;
@@ -52,12 +52,59 @@ impl Block {
     }
 
     fn set(&mut self, lane: usize, triangle: u32, mesh: &Mesh) {
-        for (rows, corner) in self.corners.iter_mut().zip(mesh.corners(triangle)) {
+        self.set_corners(lane, mesh.corners(triangle));
+        self.triangles[lane] = triangle;
+    }
+
+    #[inline(always)]
+    fn set_corners(&mut self, lane: usize, corners: [Vec3; 3]) {
+        for (rows, corner) in self.corners.iter_mut().zip(corners) {
             for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
                 row[lane] = coordinate;
             }
         }
-        self.triangles[lane] = triangle;
+    }
+
+    /// Gives its triangles, numbered from `first_slot` on, the corners they have in `mesh`.
+    pub(crate) fn move_corners(&mut self, mesh: &Mesh, first_slot: u32) {
+        for lane in 0..LANES {
+            let slot = self.triangles[lane];
+            if slot == Self::NONE {
+                break;
+            }
+            self.set_corners(lane, mesh.corners(slot - first_slot));
+        }
+    }
+
+    /// The box around all triangles.
+    pub(crate) fn bounds(&self) -> Aabb {
+        // Not `f32::min`: this order of operands is one instruction, and passes over what is NaN.
+        let pick = |is_better: fn(f32, f32) -> bool, worst: f32, axis: usize| {
+            let mut best = [worst; LANES];
+            for rows in &self.corners {
+                for (best, x) in best.iter_mut().zip(rows[axis]) {
+                    *best = if is_better(x, *best) { x } else { *best };
+                }
+            }
+            let better = |a: f32, b: f32| if is_better(a, b) { a } else { b };
+            best.into_iter().fold(worst, better)
+        };
+        let min = |axis| pick(|a, b| a < b, f32::INFINITY, axis);
+        let max = |axis| pick(|a, b| a > b, f32::NEG_INFINITY, axis);
+        Aabb {
+            min: Vec3::new(min(0), min(1), min(2)),
+            max: Vec3::new(max(0), max(1), max(2)),
+        }
+    }
+
+    /// The area of all triangles.
+    pub(crate) fn area(&self) -> f32 {
+        let lanes = 0..self.count() as usize;
+        let areas = lanes.map(|lane| {
+            let [a, b, c] = self.corners_of(lane);
+            0.5 * (b - a).cross(c - a).length()
+        });
+        areas.sum()
     }
 
     #[inline(always)]

@@ -14,6 +14,8 @@ mod collapse;
 mod decide;
 mod divide;
 mod emit;
+mod forest;
+mod join;
 mod node;
 mod object_split;
 pub(crate) mod packet;
@@ -24,14 +26,17 @@ pub(crate) mod tile;
 mod usual;
 pub(crate) mod walk;
 
-use kd_core::{Hit, Mesh, Ray, RayPacket8, TracedBytes, Tree};
+use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes, Tree};
 
 use crate::Level;
 use crate::collect::{Any, Closest, Ordered};
 use crate::planes::Frame;
 use arrays::Arrays;
-use box_tree::{BoxTree, Item};
-use divide::{Divider, MOST_LEVELS};
+pub use arrays::PartCost;
+use box_tree::{BoxTree, Item, Leaves};
+use divide::{Divider, MOST_LEVELS, by_objects, per_area};
+pub use forest::WideForest;
+pub use join::{Join, Joined};
 
 /// Cells of more triangles may be divided by the planes of the kd-tree, others only as objects: see [`divide`].
 const PLANES_ABOVE: usize = 1024;
@@ -84,11 +89,49 @@ impl WideTree {
 
     /// Above so many triangles only planes count, if that is told.
     fn with(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Self {
-        let boxes = boxes_of(tree, mesh, planes_above, is_parallel);
-        let (nodes, blocks, root) = emit::emit(&boxes, mesh, is_parallel);
+        let (boxes, _) = boxes_of(tree, mesh, planes_above, is_parallel);
+        Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
+    }
+
+    /// The better of [`new`](Self::new) and [`from_objects`](Self::from_objects) by SAH cost, on the threads of the pool in
+    /// scope or on the calling one. Making both takes about half as long again as the first.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    pub fn best(tree: &Tree, mesh: &Mesh, is_parallel: bool) -> Self {
+        let by_planes = || boxes_of(tree, mesh, None, is_parallel);
+        let by_objects = || boxes_of_objects(mesh, &tree.bounds(), triangles_of(tree, mesh.len()));
+        #[cfg(feature = "parallel")]
+        let (planes, objects) = if is_parallel {
+            rayon::join(by_planes, by_objects)
+        } else {
+            (by_planes(), by_objects())
+        };
+        #[cfg(not(feature = "parallel"))]
+        let (planes, objects) = (by_planes(), by_objects());
+        let boxes = if objects.1 < planes.1 {
+            objects.0
+        } else {
+            planes.0
+        };
+        Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
+    }
+
+    /// Makes wide nodes without a kd-tree, by dividing triangles as objects all the way down, on the calling thread.
+    ///
+    /// For meshes of up to a thousand triangles it is what [`new`](Self::new) makes; larger ones trace somewhat slower. It
+    /// takes a fraction of the time of building a kd-tree, which is what pays for a mesh that is another one soon.
+    pub fn from_objects(mesh: &Mesh) -> Self {
+        let (boxes, _) = boxes_of_objects(mesh, &mesh.bounds(), vec![true; mesh.len()]);
+        Self::of_boxes(&boxes, mesh, &mesh.bounds(), false)
+    }
+
+    fn of_boxes(boxes: &BoxTree, mesh: &Mesh, bounds: &Aabb, is_parallel: bool) -> Self {
+        let (nodes, blocks, root) = emit::emit(boxes, mesh, is_parallel);
         Self {
             arrays: Arrays::new(nodes, blocks, root),
-            frame: Frame::new(&tree.bounds()),
+            frame: Frame::new(bounds),
             level: Level::detect(),
         }
     }
@@ -214,27 +257,44 @@ fn triangles_of(tree: &Tree, triangles: usize) -> Vec<bool> {
     is_in_tree
 }
 
+/// Boxes, and their SAH cost.
+type Costed = (BoxTree, f32);
+
 /// The boxes of all triangles of a tree.
-fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> BoxTree {
-    let mut boxes = BoxTree::default();
-    let area = tree.bounds().half_area();
+fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Costed {
+    let mut boxes = BoxTree::new(Leaves::Triangles);
     let divider = Divider {
         tree,
         mesh,
-        per_area: if area > 0.0 { area.recip() } else { 0.0 },
+        per_area: per_area(&tree.bounds()),
         planes_above: planes_above.unwrap_or(PLANES_ABOVE),
         objects_compete: planes_above.is_none(),
         #[cfg(feature = "parallel")]
         is_parallel,
     };
     let _ = is_parallel;
-    let items: Vec<Item> = (0..)
-        .zip(triangles_of(tree, mesh.len()))
-        .filter(|(_, is_in_tree)| *is_in_tree)
-        .map(|(triangle, _)| Item::whole(triangle, mesh))
-        .collect();
-    if !items.is_empty() {
-        divider.by_planes(tree.root(), items, 0, &mut boxes);
+    let items = items_of(mesh, triangles_of(tree, mesh.len()));
+    if items.is_empty() {
+        return (boxes, 0.0);
     }
-    boxes
+    let root = divider.by_planes(tree.root(), items, 0, &mut boxes);
+    (boxes, root.cost())
+}
+
+/// The boxes of some triangles of a mesh, all within `bounds`, divided as objects.
+fn boxes_of_objects(mesh: &Mesh, bounds: &Aabb, is_there: Vec<bool>) -> Costed {
+    let mut boxes = BoxTree::new(Leaves::Triangles);
+    let mut items = items_of(mesh, is_there);
+    if items.is_empty() {
+        return (boxes, 0.0);
+    }
+    let root = by_objects(&mut items, 0, per_area(bounds), &mut boxes);
+    (boxes, root.cost())
+}
+
+fn items_of(mesh: &Mesh, is_there: Vec<bool>) -> Vec<Item> {
+    let triangles = (0..).zip(is_there).filter(|(_, is_there)| *is_there);
+    triangles
+        .map(|(triangle, _)| Item::whole(triangle, mesh))
+        .collect()
 }

@@ -95,6 +95,7 @@
 #[cfg(feature = "counters")]
 mod counters;
 mod lazy;
+mod scene;
 mod traced;
 mod tree;
 
@@ -110,6 +111,10 @@ pub use kd_scene::{LoadError, load_mesh};
 pub use kd_trace::TraversalCounts;
 pub use kd_trace::{Level, PackedTree, WideTree};
 pub use lazy::LazyTree;
+pub use scene::{
+    Action, CommitError, CommitReport, Frame, FrameData, MergeMethod, PartChange, PartId, Reason, Scene,
+    SceneError, Strategy,
+};
 pub use tree::KdTree;
 
 /// For trees over other things than triangles: implement [`PrimSource`](custom::PrimSource), and

@@ -1,6 +1,7 @@
 //! What rays are traced through, in either layout.
 
 use kd_core::{Hit, Layout, Mesh, Ray, RayPacket8, TracedBytes, Tree};
+use kd_sah::{BuildOptions, Method};
 use kd_trace::{Level, PackedTree, WideTree};
 
 /// A tree and its triangles, laid out for rays.
@@ -24,6 +25,17 @@ impl Traced {
         match layout {
             Layout::Binary => Self::Binary(PackedTree::new(tree, mesh)),
             _ => Self::Wide(WideTree::new(tree, mesh)),
+        }
+    }
+
+    /// As a tree is laid out that was built with these options: on one thread if it was built on one, and with as much care.
+    pub(crate) fn of_options(tree: &Tree, mesh: &Mesh, options: &BuildOptions) -> Self {
+        let is_parallel = options.threads() != 1;
+        match options.layout() {
+            Layout::Wide if options.method() == Method::Exact => {
+                Self::Wide(WideTree::best(tree, mesh, is_parallel))
+            }
+            layout => Self::new(tree, mesh, layout, is_parallel),
         }
     }
 

@@ -80,7 +80,7 @@ impl KdTree {
 
     /// Lays out a tree over `mesh`, on one thread if it was built on one.
     fn laid_out(mesh: Arc<Mesh>, tree: Tree, options: &BuildOptions) -> Self {
-        let traced = Traced::new(&tree, &mesh, options.layout(), options.threads() != 1);
+        let traced = Traced::of_options(&tree, &mesh, options);
         Self { mesh, tree, traced }
     }
 

@@ -8,12 +8,25 @@
 use super::node::{Child, WideNode};
 use crate::block::Block;
 
+pub(crate) mod parts;
+mod refit;
+
+pub(crate) use parts::Part;
+pub use refit::PartCost;
+
 /// All nodes and blocks of a tree: every child of a node, and the root, is one of its nodes or lies within its blocks.
+///
+/// ```text
+/// nodes    part 0 | part 1 | … | top        blocks   part 0 | part 1 | …
+/// ```
+/// The children of nodes of a part are in the same part. The top joins the parts; a tree that was made in one go has no
+/// others.
 #[derive(Clone, Debug)]
 pub(crate) struct Arrays {
     nodes: Vec<WideNode>,
     blocks: Vec<Block>,
     root: Child,
+    parts: Vec<Part>,
 }
 
 impl Arrays {
@@ -21,13 +34,7 @@ impl Arrays {
     ///
     /// If a child is not there.
     pub(crate) fn new(nodes: Vec<WideNode>, blocks: Vec<Block>, root: Child) -> Self {
-        let is_there = |child: Child| {
-            if child.is_leaf() {
-                child.blocks().end <= blocks.len()
-            } else {
-                child.index() < nodes.len()
-            }
-        };
+        let is_there = |child: Child| child.is_within(nodes.len(), blocks.len());
         let children = nodes.iter().flat_map(|node| node.children);
         assert!(
             is_there(root) && children.into_iter().all(is_there),
@@ -37,6 +44,7 @@ impl Arrays {
             nodes,
             blocks,
             root,
+            parts: Vec::new(),
         }
     }
 

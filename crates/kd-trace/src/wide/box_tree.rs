@@ -5,12 +5,23 @@ use kd_core::{Aabb, Axis, Mesh};
 
 use super::collapse::{self, Choice, Costs};
 
-/// A binary tree of tight boxes over triangles. Children come after their parents; the root is the first.
-#[derive(Debug, Default)]
+/// A binary tree of tight boxes over triangles, or over other subtrees. Children come after their parents; the root is the
+/// first.
+#[derive(Debug)]
 pub(crate) struct BoxTree {
+    of: Leaves,
     nodes: Vec<BoxNode>,
-    /// Those of each leaf together.
-    triangles: Vec<u32>,
+    /// The items of leaves, those of each together.
+    items: Vec<u32>,
+}
+
+/// What is in the leaves of a tree of boxes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Leaves {
+    /// Triangles, so that subtrees of few may become leaves.
+    Triangles,
+    /// One subtree each that was made before.
+    Links,
 }
 
 /// A node and how to make it into children of a wide node.
@@ -19,7 +30,7 @@ pub(crate) struct BoxNode {
     pub(crate) bounds: Aabb,
     pub(crate) choice: Choice,
     pub(crate) kind: Kind,
-    /// The triangles of the subtree, which lie together.
+    /// The items of the subtree, which lie together.
     first: u32,
     count: u32,
 }
@@ -27,18 +38,19 @@ pub(crate) struct BoxNode {
 /// What a node is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
-    /// All its triangles.
+    /// All its items.
     Leaf,
     /// Two parts, the one that is lower on an axis first.
     Split { axis: Axis, parts: [u32; 2] },
 }
 
-/// A triangle, or a part of one, in its box.
+/// A triangle, or a part of one, or a subtree, in its box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     pub(crate) min: Vec3A,
     pub(crate) max: Vec3A,
-    pub(crate) triangle: u32,
+    /// The triangle, or which subtree.
+    pub(crate) number: u32,
 }
 
 /// A subtree that was just added.
@@ -48,17 +60,24 @@ pub(crate) struct Added {
     costs: Costs,
 }
 
+impl Added {
+    /// What it costs as one child.
+    pub(crate) fn cost(&self) -> f32 {
+        self.costs[0]
+    }
+}
+
 impl Item {
     /// A whole triangle.
     pub(crate) fn whole(triangle: u32, mesh: &Mesh) -> Self {
         Self::within(Aabb::around(mesh.corners(triangle)), triangle)
     }
 
-    pub(crate) fn within(bounds: Aabb, triangle: u32) -> Self {
+    pub(crate) fn within(bounds: Aabb, number: u32) -> Self {
         Self {
             min: bounds.min.into(),
             max: bounds.max.into(),
-            triangle,
+            number,
         }
     }
 
@@ -83,6 +102,14 @@ impl Item {
 }
 
 impl BoxTree {
+    pub(crate) fn new(of: Leaves) -> Self {
+        Self {
+            of,
+            nodes: Vec::new(),
+            items: Vec::new(),
+        }
+    }
+
     pub(crate) fn root(&self) -> Option<u32> {
         (!self.nodes.is_empty()).then_some(0)
     }
@@ -95,19 +122,23 @@ impl BoxTree {
         &self.nodes[index as usize]
     }
 
-    /// The triangles of a subtree.
-    pub(crate) fn triangles(&self, index: u32) -> &[u32] {
+    /// The numbers of the items of a subtree.
+    pub(crate) fn items(&self, index: u32) -> &[u32] {
         let node = self.node(index);
-        &self.triangles[node.first as usize..][..node.count as usize]
+        &self.items[node.first as usize..][..node.count as usize]
     }
 
     /// Adds a leaf. `per_area` is one over the half area of the root's box.
     pub(crate) fn add_leaf(&mut self, items: &[Item], per_area: f64) -> Added {
         let bounds = Item::around(items);
-        let (choice, costs) = collapse::leaf(relative_area(&bounds, per_area), items.len());
-        let first = to_u32(self.triangles.len());
-        self.triangles
-            .extend(items.iter().map(|item| item.triangle));
+        let (choice, costs) = match self.of {
+            Leaves::Triangles => {
+                collapse::leaf(relative_area(&bounds, per_area), items.len())
+            }
+            Leaves::Links => collapse::link(),
+        };
+        let first = to_u32(self.items.len());
+        self.items.extend(items.iter().map(|item| item.number));
         self.nodes.push(BoxNode {
             bounds,
             choice,
@@ -127,7 +158,7 @@ impl BoxTree {
             bounds: Aabb::EMPTY,
             choice: Choice::default(),
             kind: Kind::Leaf,
-            first: to_u32(self.triangles.len()),
+            first: to_u32(self.items.len()),
             count: 0,
         });
         to_u32(self.nodes.len() - 1)
@@ -144,9 +175,14 @@ impl BoxTree {
         let bounds = parts.map(|part| self.node(part.index).bounds);
         let bounds = bounds[0].union(&bounds[1]);
         let first = self.node(place).first;
-        let count = to_u32(self.triangles.len()) - first;
+        let count = to_u32(self.items.len()) - first;
         let area = relative_area(&bounds, per_area);
-        let (choice, costs) = collapse::split(area, count as usize, &parts.map(|part| part.costs));
+        let most_in_leaf = match self.of {
+            Leaves::Triangles => collapse::MOST_TRIANGLES,
+            Leaves::Links => 1,
+        };
+        let costs = parts.map(|part| part.costs);
+        let (choice, costs) = collapse::split(area, count as usize, most_in_leaf, &costs);
         self.nodes[place as usize] = BoxNode {
             bounds,
             choice,
@@ -166,8 +202,8 @@ impl BoxTree {
     /// Adds all of another tree, whose root was added to it last as `root`.
     #[cfg(feature = "parallel")]
     pub(crate) fn append(&mut self, other: &Self, root: Added) -> Added {
-        let (nodes, triangles) = (to_u32(self.nodes.len()), to_u32(self.triangles.len()));
-        self.triangles.extend(&other.triangles);
+        let (nodes, items) = (to_u32(self.nodes.len()), to_u32(self.items.len()));
+        self.items.extend(&other.items);
         self.nodes.extend(other.nodes.iter().map(|node| BoxNode {
             kind: match node.kind {
                 Kind::Leaf => Kind::Leaf,
@@ -176,7 +212,7 @@ impl BoxTree {
                     parts: parts.map(|part| part + nodes),
                 },
             },
-            first: node.first + triangles,
+            first: node.first + items,
             ..*node
         }));
         Added {
@@ -191,7 +227,7 @@ fn relative_area(bounds: &Aabb, per_area: f64) -> f32 {
     (bounds.half_area() * per_area) as f32
 }
 
-/// References are counted in 32 bits, and there are no more nodes or triangles than those.
+/// References are counted in 32 bits, and there are no more nodes or items than those.
 fn to_u32(count: usize) -> u32 {
     u32::try_from(count).expect("32 bits count references")
 }

@@ -14,6 +14,8 @@ const NODE: f32 = 1.0;
 const BLOCK: f32 = 0.5;
 /// Blocks that a leaf has at most, unless its triangles could not be divided.
 const MOST_BLOCKS: usize = 3;
+/// Triangles that a leaf has at most, unless they could not be divided.
+pub(crate) const MOST_TRIANGLES: usize = MOST_BLOCKS * LANES;
 
 /// The least costs of a subtree as at most one child, two, and so on.
 pub(crate) type Costs = [f32; WIDTH];
@@ -54,6 +56,11 @@ impl Choice {
     }
 }
 
+/// What a ray takes that visits a leaf of so many blocks, or a node, which has none.
+pub(crate) fn visit(blocks: usize) -> f32 {
+    if blocks == 0 { NODE } else { BLOCK * blocks as f32 }
+}
+
 fn leaf_cost(area: f32, triangles: usize) -> f32 {
     area * BLOCK * triangles.div_ceil(LANES) as f32
 }
@@ -67,8 +74,19 @@ pub(crate) fn leaf(area: f32, triangles: usize) -> (Choice, Costs) {
     )
 }
 
-/// A subtree of this area and so many triangles, with the costs of its parts.
-pub(crate) fn split(area: f32, triangles: usize, parts: &[Costs; 2]) -> (Choice, Costs) {
+/// A subtree that stays what it is, a single child, at no cost of its own.
+pub(crate) fn link() -> (Choice, Costs) {
+    leaf(0.0, 0)
+}
+
+/// A subtree of this area and so many triangles, with the costs of its parts. It may be a leaf if it has no more than
+/// `most_in_leaf` of them.
+pub(crate) fn split(
+    area: f32,
+    triangles: usize,
+    most_in_leaf: usize,
+    parts: &[Costs; 2],
+) -> (Choice, Costs) {
     let [lower, upper] = parts;
     let mut choice = 0;
     // With all children in use: index 0 is not.
@@ -89,7 +107,7 @@ pub(crate) fn split(area: f32, triangles: usize, parts: &[Costs; 2]) -> (Choice,
     let mut costs = shared;
     costs[0] = area * NODE + shared[WIDTH - 1];
     let as_leaf = leaf_cost(area, triangles);
-    if as_leaf <= costs[0] && triangles <= MOST_BLOCKS * LANES {
+    if as_leaf <= costs[0] && triangles <= most_in_leaf {
         costs[0] = as_leaf;
         choice |= Choice::LEAF;
     }
@@ -140,7 +158,7 @@ mod tests {
                 return leaf(area(1), 8).1;
             }
             let parts = [costs(leaves / 2, area), costs(leaves - leaves / 2, area)];
-            split(area(leaves), 8 * leaves, &parts).1
+            split(area(leaves), 8 * leaves, MOST_TRIANGLES, &parts).1
         }
         for (name, area) in [
             ("flat", &(|n: usize| n as f32) as &dyn Fn(usize) -> f32),
@@ -164,7 +182,7 @@ mod tests {
     #[test]
     fn choices_add_up() {
         let parts = [leaf(0.4, 8).1, leaf(0.5, 30).1];
-        let (choice, costs) = split(1.0, 38, &parts);
+        let (choice, costs) = split(1.0, 38, MOST_TRIANGLES, &parts);
         assert!(!choice.is_leaf(), "too many triangles");
         for children in 2..=WIDTH {
             let lower = choice.lower(children);
@@ -175,7 +193,7 @@ mod tests {
             assert_eq!(choice.best(children), 2, "leaves need one each");
         }
         assert_eq!(costs[1], parts[0][0] + parts[1][0], "side by side");
-        let (choice, _) = split(1.0, 8, &[leaf(0.9, 4).1, leaf(0.9, 4).1]);
+        let (choice, _) = split(1.0, 8, MOST_TRIANGLES, &[leaf(0.9, 4).1, leaf(0.9, 4).1]);
         assert!(
             choice.is_leaf() && choice.best(8) == 1,
             "one block is cheaper than two"
@@ -183,6 +201,7 @@ mod tests {
         let endless = split(
             f32::INFINITY,
             40,
+            MOST_TRIANGLES,
             &[[f32::INFINITY; WIDTH], [f32::NAN; WIDTH]],
         )
         .0;

@@ -16,6 +16,8 @@
 use kd_core::{Aabb, Axis, MAX_DEPTH, Mesh, NodeIndex, NodeView, Tree, clipped_halves};
 
 use super::box_tree::{Added, BoxTree, Item};
+#[cfg(feature = "parallel")]
+use super::box_tree::Leaves;
 use super::object_split::ObjectSplit;
 
 /// So many triangles are not divided.
@@ -24,12 +26,19 @@ const FEW: usize = 4;
 /// slower in rooms.)
 const CHEAPER: f64 = 0.9;
 /// After so many divisions of objects they are divided in halves.
-const MOST_DIVISIONS: usize = 32;
-/// Levels of splits that there are at most: planes, divisions of objects, and halves of what 32 bits count.
-pub(crate) const MOST_LEVELS: usize = MAX_DEPTH + MOST_DIVISIONS + 32;
+pub(crate) const MOST_DIVISIONS: usize = 32;
+/// Levels of splits that there are at most: planes, divisions of objects, and halves of what 32 bits count; and above them
+/// those of subtrees that are joined, which are divided as objects.
+pub(crate) const MOST_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
 /// Cells of so many triangles are worth a task.
 #[cfg(feature = "parallel")]
 const TASK: usize = 1 << 14;
+
+/// One over the half area of a box, or 0 if that is none.
+pub(crate) fn per_area(bounds: &Aabb) -> f64 {
+    let area = bounds.half_area();
+    if area > 0.0 { area.recip() } else { 0.0 }
+}
 
 /// Makes the boxes of a subtree of a kd-tree.
 pub(crate) struct Divider<'a> {
@@ -58,10 +67,10 @@ impl Divider<'_> {
         loop {
             let node = self.tree.nodes()[at.index()].view();
             let NodeView::Interior { axis, split, first } = node else {
-                return self.by_objects(&mut items, divisions, to);
+                return by_objects(&mut items, divisions, self.per_area, to);
             };
             if items.len() <= self.planes_above {
-                return self.by_objects(&mut items, divisions, to);
+                return by_objects(&mut items, divisions, self.per_area, to);
             }
             let sides = Sides::of(&items, axis, split, self.mesh);
             if let Some(objects) = self.cheaper_objects(&items, &sides, divisions) {
@@ -104,7 +113,7 @@ impl Divider<'_> {
         let place = to.reserve();
         #[cfg(feature = "parallel")]
         if self.is_parallel && upper.1.len().min(lower.1.len()) >= TASK {
-            let mut other = BoxTree::default();
+            let mut other = BoxTree::new(Leaves::Triangles);
             let (lower, added) = rayon::join(
                 || self.by_planes(lower.0, lower.1, divisions, to),
                 || self.by_planes(upper.0, upper.1, divisions, &mut other),
@@ -116,24 +125,31 @@ impl Divider<'_> {
         to.set_split(place, axis, parts, self.per_area)
     }
 
-    /// Adds the boxes of `items` divided as objects.
-    fn by_objects(&self, items: &mut [Item], divisions: usize, to: &mut BoxTree) -> Added {
-        let division = (items.len() > FEW)
-            .then(|| ObjectSplit::best(items))
-            .flatten();
-        let Some(division) = division else {
-            return to.add_leaf(items, self.per_area);
-        };
-        let place = to.reserve();
-        let middle = if divisions < MOST_DIVISIONS {
-            division.apply(items)
-        } else {
-            items.len() / 2
-        };
-        let (lower, upper) = items.split_at_mut(middle);
-        let parts = [lower, upper].map(|part| self.by_objects(part, divisions + 1, to));
-        to.set_split(place, division.axis, parts, self.per_area)
-    }
+}
+
+/// Adds the boxes of triangles, of which there are some, divided as objects. `divisions` is how often they were already, and
+/// `per_area` one over the half area of the root's box.
+pub(crate) fn by_objects(
+    items: &mut [Item],
+    divisions: usize,
+    per_area: f64,
+    to: &mut BoxTree,
+) -> Added {
+    let division = (items.len() > FEW)
+        .then(|| ObjectSplit::best(items))
+        .flatten();
+    let Some(division) = division else {
+        return to.add_leaf(items, per_area);
+    };
+    let place = to.reserve();
+    let middle = if divisions < MOST_DIVISIONS {
+        division.apply(items)
+    } else {
+        items.len() / 2
+    };
+    let (lower, upper) = items.split_at_mut(middle);
+    let parts = [lower, upper].map(|part| by_objects(part, divisions + 1, per_area, to));
+    to.set_split(place, division.axis, parts, per_area)
 }
 
 /// What lies on either side of a plane, and what that costs: the half areas of both boxes, each times its items.
@@ -157,7 +173,7 @@ impl Sides {
             }
         }
         let halves = both.iter().map(|item| {
-            let corners = mesh.corners(item.triangle);
+            let corners = mesh.corners(item.number);
             clipped_halves(corners, &item.bounds(), axis, split)
         });
         let halves: Vec<[Option<Aabb>; 2]> = halves.collect();
@@ -175,8 +191,8 @@ impl Sides {
                     [&mut lower, &mut upper][side].push(item);
                 }
                 Place::Both(parts) => {
-                    lower.push(Item::within(parts[0], item.triangle));
-                    upper.push(Item::within(parts[1], item.triangle));
+                    lower.push(Item::within(parts[0], item.number));
+                    upper.push(Item::within(parts[1], item.number));
                 }
             }
         }

@@ -1,9 +1,10 @@
 //! Wide nodes and blocks from a tree of boxes.
 //!
 //! Nodes lie in order of depth first, blocks in the order in which their leaves are met. How many there are is counted
-//! first, so that all of them are written where they stay, on any number of threads.
+//! first, so that all of them are written where they stay, on any number of threads. Leaves are triangles, or subtrees that
+//! were written before.
 
-use kd_core::Mesh;
+use kd_core::{Aabb, Mesh};
 
 use super::box_tree::{BoxTree, Kind};
 use super::node::{Child, WIDTH, WideNode};
@@ -27,10 +28,24 @@ impl Counts {
     }
 }
 
+/// What leaves become.
+trait Leaves: Sync {
+    fn counts(&self, items: &[u32]) -> Counts;
+
+    /// Writes a leaf, to exactly the space it needs.
+    fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child;
+}
+
+/// Blocks of the triangles of a mesh.
+struct Triangles<'a>(&'a Mesh);
+
+/// Nodes that are there already.
+struct Links<'a>(&'a [Child]);
+
 /// Makes nodes and blocks.
-struct Emitter<'a> {
+struct Emitter<'a, L> {
     boxes: &'a BoxTree,
-    mesh: &'a Mesh,
+    leaves: &'a L,
     /// What each node of the boxes becomes, where it is a child of a wide node.
     counts: Vec<Counts>,
     #[cfg(feature = "parallel")]
@@ -70,10 +85,43 @@ enum Group {
     Parts(usize, Box<[Self; 2]>),
 }
 
+/// Nodes over subtrees, by their numbers, that are written already, in arrays that have so many nodes before; and the root.
+pub(super) fn emit_links(
+    boxes: &BoxTree,
+    links: &[Child],
+    before: usize,
+) -> (Vec<WideNode>, Child) {
+    let before = Counts {
+        nodes: before,
+        blocks: 0,
+    };
+    let (nodes, _, root) = emit_leaves(boxes, &Links(links), before, false);
+    (nodes, root)
+}
+
 /// All nodes and blocks, and where the root is.
 pub(super) fn emit(
     boxes: &BoxTree,
     mesh: &Mesh,
+    is_parallel: bool,
+) -> (Vec<WideNode>, Vec<Block>, Child) {
+    let triangles = Triangles(mesh);
+    let (mut nodes, blocks, mut child) =
+        emit_leaves(boxes, &triangles, Counts::default(), is_parallel);
+    if let (Some(root), true) = (boxes.root(), child.is_leaf()) {
+        // Nothing else has the box of a tree that is one leaf, and rays that miss it should not pay for its triangles.
+        let mut node = WideNode::EMPTY;
+        node.set(0, &boxes.node(root).bounds, child);
+        nodes.push(node);
+        child = Child::node(nodes.len() - 1);
+    }
+    (nodes, blocks, child)
+}
+
+fn emit_leaves<L: Leaves>(
+    boxes: &BoxTree,
+    leaves: &L,
+    before: Counts,
     is_parallel: bool,
 ) -> (Vec<WideNode>, Vec<Block>, Child) {
     let Some(root) = boxes.root() else {
@@ -81,7 +129,7 @@ pub(super) fn emit(
     };
     let mut emitter = Emitter {
         boxes,
-        mesh,
+        leaves,
         counts: vec![Counts::default(); boxes.len()],
         #[cfg(feature = "parallel")]
         is_parallel,
@@ -94,24 +142,17 @@ pub(super) fn emit(
     let space = Space {
         nodes: &mut nodes,
         blocks: &mut blocks,
-        before: Counts::default(),
+        before,
     };
-    let mut child = emitter.child(root, space);
-    if child.is_leaf() {
-        // Nothing else has the box of a tree that is one leaf, and rays that miss it should not pay for its triangles.
-        let mut node = WideNode::EMPTY;
-        node.set(0, &boxes.node(root).bounds, child);
-        nodes.push(node);
-        child = Child::node(nodes.len() - 1);
-    }
+    let child = emitter.child(root, space);
     (nodes, blocks, child)
 }
 
-impl Emitter<'_> {
+impl<L: Leaves> Emitter<'_, L> {
     /// Counts what a part becomes as a child, and notes it for it and for all below it.
     fn count(&mut self, index: u32) -> Counts {
         let counts = if self.boxes.node(index).choice.is_leaf() {
-            counts_of_leaf(self.boxes.triangles(index).len())
+            self.leaves.counts(self.boxes.items(index))
         } else {
             let mut counts = Counts {
                 nodes: 1,
@@ -160,12 +201,8 @@ impl Emitter<'_> {
     /// Writes a part, to exactly the space it needs.
     fn child(&self, index: u32, mut space: Space<'_>) -> Child {
         if self.boxes.node(index).choice.is_leaf() {
-            return leaf(
-                self.boxes.triangles(index),
-                self.boxes.node(index).bounds,
-                self.mesh,
-                space,
-            );
+            let bounds = self.boxes.node(index).bounds;
+            return self.leaves.write(self.boxes.items(index), bounds, space);
         }
         let place = space.before.nodes;
         let own = space.take(Counts {
@@ -204,6 +241,26 @@ impl Emitter<'_> {
     }
 }
 
+impl Leaves for Triangles<'_> {
+    fn counts(&self, items: &[u32]) -> Counts {
+        counts_of_leaf(items.len())
+    }
+
+    fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child {
+        leaf(items, bounds, self.0, space)
+    }
+}
+
+impl Leaves for Links<'_> {
+    fn counts(&self, _: &[u32]) -> Counts {
+        Counts::default()
+    }
+
+    fn write(&self, items: &[u32], _: Aabb, _: Space<'_>) -> Child {
+        self.0[items[0] as usize]
+    }
+}
+
 /// A leaf of few triangles is one child; more that could not be divided are dealt out to nodes.
 fn counts_of_leaf(triangles: usize) -> Counts {
     if triangles <= MOST_TRIANGLES {
@@ -230,7 +287,7 @@ fn dealt(triangles: usize) -> impl Iterator<Item = (usize, usize)> {
         .map(move |start| (start, (start + part).min(triangles)))
 }
 
-fn leaf(triangles: &[u32], bounds: kd_core::Aabb, mesh: &Mesh, mut space: Space<'_>) -> Child {
+fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> Child {
     if triangles.len() <= MOST_TRIANGLES {
         for (block, triangles) in space.blocks.iter_mut().zip(triangles.chunks(LANES)) {
             *block = Block::of(triangles.iter().copied(), mesh);

@@ -62,6 +62,32 @@ impl Child {
         self.0 as usize
     }
 
+    /// Whether there is such a child among so many nodes and blocks.
+    pub(crate) fn is_within(self, nodes: usize, blocks: usize) -> bool {
+        if self.is_leaf() {
+            self.blocks().end <= blocks
+        } else {
+            self.index() < nodes
+        }
+    }
+
+    /// What it is after all nodes and blocks have moved to later places by so many, or to earlier ones by so many less than
+    /// 2⁶⁴.
+    ///
+    /// # Panics
+    ///
+    /// As [`node`](Self::node) and [`leaf`](Self::leaf).
+    pub(crate) fn moved(self, nodes: usize, blocks: usize) -> Self {
+        if self == Self::NOTHING {
+            self
+        } else if self.is_leaf() {
+            let own = self.blocks();
+            Self::leaf(own.start.wrapping_add(blocks), own.len())
+        } else {
+            Self::node(self.index().wrapping_add(nodes))
+        }
+    }
+
     /// The blocks of a leaf.
     #[inline(always)]
     pub(crate) fn blocks(self) -> std::ops::Range<usize> {
@@ -96,6 +122,51 @@ impl WideNode {
         }
         self.children[lane] = child;
     }
+
+    /// The box of a child; an empty one where there is none.
+    pub(crate) fn bounds(&self, lane: usize) -> Aabb {
+        let corner = |side: usize| self.faces.map(|faces| faces[side][lane]).into();
+        Aabb {
+            min: corner(0),
+            max: corner(1),
+        }
+    }
+
+    /// Has rays meet the children in the order of the centres of their boxes, along the diagonal of each octant of
+    /// directions.
+    pub(crate) fn order_by_centers(&mut self) {
+        // Lanes without a child are never met, wherever they are.
+        let centers: [[f32; WIDTH]; 3] = self.faces.map(|[starts, ends]| {
+            std::array::from_fn(|lane| {
+                let twice = starts[lane] + ends[lane];
+                if twice.is_finite() { twice } else { 0.0 }
+            })
+        });
+        for (octant, order) in self.orders.iter_mut().enumerate() {
+            let mut along = [0.0; WIDTH];
+            for (axis, centers) in centers.iter().enumerate() {
+                let sign = if octant >> axis & 1 == 0 { 1.0 } else { -1.0 };
+                for (along, center) in along.iter_mut().zip(centers) {
+                    *along += sign * center;
+                }
+            }
+            let mut lanes: [u32; WIDTH] = [0, 1, 2, 3, 4, 5, 6, 7];
+            // The farthest comes first. Few values, nearly in order.
+            for next in 1..WIDTH {
+                let mut at = next;
+                while at > 0 && along[lanes[at - 1] as usize] < along[lanes[at] as usize] {
+                    lanes.swap(at - 1, at);
+                    at -= 1;
+                }
+            }
+            *order = lanes.iter().rev().fold(0, |order, lane| order << 3 | lane);
+        }
+    }
+
+    /// The lanes that have a child.
+    pub(crate) fn lanes(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..WIDTH).filter(|lane| self.children[*lane] != Child::NOTHING)
+    }
 }
 
 #[cfg(test)]
@@ -116,6 +187,15 @@ mod tests {
             );
         }
         assert_eq!(Child::NOTHING.blocks().len(), 0, "nothing to visit");
+    }
+
+    #[test]
+    fn children_move_with_what_they_are() {
+        assert_eq!(Child::node(7).moved(5, 1), Child::node(12), "a node");
+        assert_eq!(Child::leaf(7, 2).moved(5, 1), Child::leaf(8, 2), "a leaf");
+        let back = 3_usize.wrapping_neg();
+        assert_eq!(Child::node(7).moved(back, 0), Child::node(4), "back");
+        assert_eq!(Child::NOTHING.moved(5, 1), Child::NOTHING, "nothing");
     }
 
     #[test]

@@ -170,12 +170,12 @@ mod tests {
 
     use super::*;
 
-    fn cube_at(center: Vec3, triangle: u32) -> Item {
+    fn cube_at(center: Vec3, number: u32) -> Item {
         let bounds = Aabb {
             min: center - 0.5,
             max: center + 0.5,
         };
-        Item::within(bounds, triangle)
+        Item::within(bounds, number)
     }
 
     #[test]
@@ -193,7 +193,7 @@ mod tests {
             let middle = split.apply(&mut items);
             assert_eq!(middle, 26, "all of the nearer heap");
             assert!(
-                items[..middle].iter().all(|item| item.triangle % 3 != 0),
+                items[..middle].iter().all(|item| item.number % 3 != 0),
                 "{items:?}"
             );
         }

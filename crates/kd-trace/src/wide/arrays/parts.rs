@@ -1,0 +1,266 @@
+//! Parts that lie one after the other, and the top over them.
+
+use std::ops::Range;
+
+use super::Arrays;
+use crate::block::Block;
+use crate::wide::node::{Child, WideNode};
+
+/// Nodes and blocks that lie together and refer to nothing else.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Part {
+    nodes: Range<usize>,
+    blocks: Range<usize>,
+    root: Child,
+}
+
+impl Part {
+    /// A node, or [`Child::NOTHING`].
+    pub(crate) fn root(&self) -> Child {
+        self.root
+    }
+
+    pub(crate) fn nodes(&self) -> Range<usize> {
+        self.nodes.clone()
+    }
+
+    pub(crate) fn blocks(&self) -> Range<usize> {
+        self.blocks.clone()
+    }
+}
+
+impl Arrays {
+    pub(crate) const fn empty() -> Self {
+        Self {
+            nodes: Vec::new(),
+            blocks: Vec::new(),
+            root: Child::NOTHING,
+            parts: Vec::new(),
+        }
+    }
+
+    pub(crate) fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// All of a tree that was made in one go, as a part.
+    ///
+    /// # Panics
+    ///
+    /// If it has parts.
+    pub(crate) fn as_part(&self) -> Part {
+        assert!(self.parts.is_empty(), "a tree that was made in one go");
+        Part {
+            nodes: 0..self.nodes.len(),
+            blocks: 0..self.blocks.len(),
+            root: self.root,
+        }
+    }
+
+    /// How many nodes the parts have.
+    pub(crate) fn nodes_of_parts(&self) -> usize {
+        self.parts.last().map_or(0, |part| part.nodes.end)
+    }
+
+    /// Drops the top: nothing is left to trace.
+    pub(crate) fn clear_top(&mut self) {
+        self.nodes.truncate(self.nodes_of_parts());
+        self.root = Child::NOTHING;
+    }
+
+    /// Puts nodes over the parts, the first of which comes after their last.
+    ///
+    /// # Panics
+    ///
+    /// If a child is not there.
+    pub(crate) fn set_top(&mut self, top: &[WideNode], root: Child) {
+        self.clear_top();
+        let nodes = self.nodes.len() + top.len();
+        let blocks = self.blocks.len();
+        let mut children = top.iter().flat_map(|node| node.children);
+        let all_are_there = children.all(|child| child.is_within(nodes, blocks));
+        assert!(
+            all_are_there && root.is_within(nodes, blocks),
+            "every child is a node or blocks of the same tree"
+        );
+        self.nodes.extend_from_slice(top);
+        self.root = root;
+    }
+
+    /// Adds a part of other arrays after the last one, with `slots` added to the numbers of its triangles. The top is
+    /// dropped.
+    pub(crate) fn push_part(&mut self, from: &Self, part: &Part, slots: u32) {
+        self.clear_top();
+        let (nodes, blocks) = (self.nodes.len(), self.blocks.len());
+        let by = (
+            nodes.wrapping_sub(part.nodes.start),
+            blocks.wrapping_sub(part.blocks.start),
+        );
+        reserve(&mut self.nodes, part.nodes.len());
+        reserve(&mut self.blocks, part.blocks.len());
+        self.nodes.extend_from_slice(&from.nodes[part.nodes()]);
+        self.blocks.extend_from_slice(&from.blocks[part.blocks()]);
+        self.end_part(part.root, by);
+        self.add_to_slots(self.parts.len() - 1, slots);
+    }
+
+    /// Adds one of the parts once more, after the last one. The top is dropped.
+    pub(crate) fn push_again(&mut self, number: usize) {
+        self.clear_top();
+        let part = self.parts[number].clone();
+        let by = (
+            self.nodes.len() - part.nodes.start,
+            self.blocks.len() - part.blocks.start,
+        );
+        self.nodes.extend_from_within(part.nodes());
+        self.blocks.extend_from_within(part.blocks());
+        self.end_part(part.root, by);
+    }
+
+    /// Makes a part of what comes after the last one, and was moved there from another place.
+    fn end_part(&mut self, root: Child, by: (usize, usize)) {
+        let last = self.parts.last();
+        let (nodes, blocks) = last.map_or((0, 0), |part| (part.nodes.end, part.blocks.end));
+        if by != (0, 0) {
+            let added = &mut self.nodes[nodes..];
+            for child in added.iter_mut().flat_map(|node| &mut node.children) {
+                *child = child.moved(by.0, by.1);
+            }
+        }
+        self.parts.push(Part {
+            nodes: nodes..self.nodes.len(),
+            blocks: blocks..self.blocks.len(),
+            root: root.moved(by.0, by.1),
+        });
+    }
+
+    /// Adds to the numbers of all triangles of a part, modulo 2³².
+    pub(crate) fn add_to_slots(&mut self, number: usize, slots: u32) {
+        if slots == 0 {
+            return;
+        }
+        let blocks = &mut self.blocks[self.parts[number].blocks()];
+        for slot in blocks.iter_mut().flat_map(|block| &mut block.triangles) {
+            if *slot != Block::NONE {
+                *slot = slot.wrapping_add(slots);
+            }
+        }
+    }
+
+    /// Takes out the parts from a number on. The top is dropped.
+    pub(crate) fn truncate_parts(&mut self, number: usize) {
+        self.clear_top();
+        self.parts.truncate(number);
+        self.nodes.truncate(self.nodes_of_parts());
+        let blocks = self.parts.last().map_or(0, |part| part.blocks.end);
+        self.blocks.truncate(blocks);
+    }
+}
+
+/// Not twice as much room as what is there, which may be a large scene that stands still: an eighth more.
+fn reserve<T>(all: &mut Vec<T>, more: usize) {
+    let len = all.len() + more;
+    if len > all.capacity() {
+        all.reserve_exact(more + len / 8);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A part of as many nodes, each the parent of the next, and a block at the end.
+    fn chain(nodes: usize) -> Arrays {
+        let mut all = Vec::new();
+        for place in 0..nodes {
+            let mut node = WideNode::EMPTY;
+            node.children[place % 8] = if place + 1 < nodes {
+                Child::node(place + 1)
+            } else {
+                Child::leaf(0, 1)
+            };
+            all.push(node);
+        }
+        let mut block = Block::EMPTY;
+        block.triangles[0] = 0;
+        Arrays::new(all, vec![block], Child::node(0))
+    }
+
+    /// Follows a chain down to the number of its triangle, and tells its length.
+    fn follow(arrays: &Arrays, number: usize) -> (usize, u32) {
+        let mut child = arrays.parts()[number].root();
+        let mut length = 0;
+        while !child.is_leaf() {
+            let node = arrays.nodes()[child.index()];
+            let lane = node.lanes().next().expect("one child");
+            child = node.children[lane];
+            length += 1;
+        }
+        (length, arrays.blocks()[child.blocks().start].triangles[0])
+    }
+
+    fn push(arrays: &mut Arrays, nodes: usize, slots: u32) {
+        let from = chain(nodes);
+        arrays.push_part(&from, &from.as_part(), slots);
+    }
+
+    #[test]
+    fn parts_are_what_they_were_wherever_they_are() {
+        let mut arrays = Arrays::empty();
+        for (nodes, slots) in [(2, 0), (9, 10), (4, 20)] {
+            push(&mut arrays, nodes, slots);
+        }
+        assert_eq!(
+            [0, 1, 2].map(|number| follow(&arrays, number)),
+            [(2, 0), (9, 10), (4, 20)],
+            "one after the other"
+        );
+        let mut others = Arrays::empty();
+        for number in [2, 1] {
+            others.push_part(&arrays, &arrays.parts()[number], 0);
+        }
+        others.push_again(0);
+        others.add_to_slots(1, 5);
+        assert_eq!(
+            [0, 1, 2].map(|number| follow(&others, number)),
+            [(4, 20), (9, 15), (4, 20)],
+            "copied, and numbered anew"
+        );
+        arrays.truncate_parts(1);
+        push(&mut arrays, 3, 7);
+        assert_eq!(
+            [0, 1].map(|number| follow(&arrays, number)),
+            [(2, 0), (3, 7)],
+            "one in place of two"
+        );
+        assert_eq!(
+            (arrays.nodes().len(), arrays.blocks().len()),
+            (5, 2),
+            "of which nothing is left"
+        );
+    }
+
+    #[test]
+    fn changing_parts_drops_the_top() {
+        let mut arrays = Arrays::empty();
+        push(&mut arrays, 2, 0);
+        let mut top = WideNode::EMPTY;
+        top.children[0] = arrays.parts()[0].root();
+        arrays.set_top(&[top], Child::node(2));
+        assert_eq!(arrays.nodes().len(), 3, "over the part");
+        push(&mut arrays, 3, 0);
+        assert_eq!(
+            (arrays.root(), arrays.nodes().len()),
+            (Child::NOTHING, 5),
+            "gone"
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "every child is a node or blocks of the same tree")]
+    fn a_top_over_what_is_not_there_is_refused() {
+        let mut top = WideNode::EMPTY;
+        top.children[2] = Child::node(1);
+        Arrays::empty().set_top(&[top], Child::node(0));
+    }
+}

@@ -1,0 +1,302 @@
+//! Parts that stand still and parts that move, traced together.
+
+mod apply;
+mod error;
+mod frame;
+mod grove;
+mod part;
+mod plan;
+mod report;
+mod strategy;
+
+use std::sync::Arc;
+
+use glam::Affine3A;
+use kd_core::{MAX_TRIANGLES, Mesh};
+use kd_sah::BuildOptions;
+
+pub use error::{CommitError, SceneError};
+pub use frame::{Frame, FrameData};
+pub use part::PartId;
+pub use report::{Action, CommitReport, PartChange, Reason};
+pub use strategy::{MergeMethod, Strategy};
+
+use part::{Part, Role};
+
+/// Meshes that stand still and meshes that move, of which a [`commit`](Self::commit) makes a [`Frame`] to trace.
+///
+/// What stands still is laid out once, by the builder of the scene's [`BuildOptions`], and is not touched, copied or looked at
+/// again by frames to come: a commit costs what has changed since the last one. How what moves follows is the
+/// [`Strategy`]'s choice; all of them give the same hits.
+///
+/// ```
+/// use kd::glam::{Affine3A, Vec3};
+/// use kd::{BuildOptions, Mesh, Ray, Scene};
+///
+/// let square = Mesh::new(
+///     vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+///     vec![[0, 1, 2], [0, 2, 3]],
+/// )?;
+/// let mut scene = Scene::new(BuildOptions::best());
+/// let wall = scene.add_static(square.clone())?;
+/// let door = scene.add_dynamic(square)?;
+///
+/// let ray = Ray::new([0.75, 0.25, 5.0], [0.0, 0.0, -1.0]);
+/// for step in 1..=3 {
+///     scene.set_transform(door, Affine3A::from_translation(Vec3::Z * step as f32))?;
+///     scene.commit()?;
+///     let (part, hit) = scene.frame().intersect(&ray).expect("the door is in front");
+///     assert_eq!((part, hit.t), (door, 5.0 - step as f32));
+/// }
+/// scene.remove(door)?;
+/// scene.commit()?;
+/// assert_eq!(scene.frame().intersect(&ray).map(|(part, _)| part), Some(wall));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Frames
+///
+/// A [`Frame`] borrows the scene, so that it cannot be changed under a frame that is being traced:
+///
+/// ```compile_fail
+/// # use kd::{BuildOptions, Mesh, Ray, Scene};
+/// # let mut scene = Scene::new(BuildOptions::best());
+/// # let part = scene.add_dynamic(Mesh::new(vec![], vec![]).unwrap()).unwrap();
+/// let frame = scene.frame();
+/// scene.remove(part).unwrap();
+/// frame.occluded(&Ray::new([0.0; 3], [0.0, 0.0, 1.0]));
+/// ```
+///
+/// A [`snapshot`](Self::snapshot) is owned: it can be traced, on other threads too, while the next frame is made. The scene
+/// then keeps the memory of two frames, of which the one that nobody traces becomes the next.
+#[derive(Debug)]
+pub struct Scene {
+    options: BuildOptions,
+    strategy: Strategy,
+    ray_budget: u64,
+    /// In the order of their ids.
+    parts: Vec<Part>,
+    next_id: u32,
+    /// The number of the first triangle of the next part.
+    next_slot: u32,
+    /// Counts commits: what is built or moved by one is known by its number.
+    commits: u64,
+    front: Arc<FrameData>,
+    /// A frame before that, which may still be traced.
+    back: Option<Arc<FrameData>>,
+}
+
+impl Scene {
+    /// Rays of a frame that [`Strategy::Auto`] reckons with, unless it is told: those of a picture of 800 by 600, with two
+    /// more from each point that it shows.
+    pub const DEFAULT_RAY_BUDGET: u64 = 1_440_000;
+
+    /// A scene without parts. `options` are for what stands still, for [`Strategy::Auto`], and its
+    /// [`threads`](BuildOptions::threads) for everything.
+    pub fn new(options: BuildOptions) -> Self {
+        Self {
+            options,
+            strategy: Strategy::Auto,
+            ray_budget: Self::DEFAULT_RAY_BUDGET,
+            parts: Vec::new(),
+            next_id: 0,
+            next_slot: 0,
+            commits: 0,
+            front: Arc::default(),
+            back: None,
+        }
+    }
+
+    /// Adds a mesh that stands still, from the next commit on. It may be changed and moved too, and is then built anew with
+    /// the options of the scene.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::TooManyTriangles`] where all parts together have more than [`MAX_TRIANGLES`];
+    /// [`SceneError::TooManyParts`] after 2³² of them.
+    pub fn add_static(&mut self, mesh: impl Into<Arc<Mesh>>) -> Result<PartId, SceneError> {
+        self.add(Role::Static, mesh.into(), Affine3A::IDENTITY)
+    }
+
+    /// Adds a mesh that will change or move, from the next commit on.
+    ///
+    /// # Errors
+    ///
+    /// As [`add_static`](Self::add_static).
+    pub fn add_dynamic(&mut self, mesh: impl Into<Arc<Mesh>>) -> Result<PartId, SceneError> {
+        self.add(Role::Dynamic, mesh.into(), Affine3A::IDENTITY)
+    }
+
+    /// Adds the mesh of a part once more, in another place. It is a part of its own, may move, and has whatever
+    /// [`set_positions`](Self::set_positions) gives the part that it was made from; that one may be removed.
+    ///
+    /// Its triangles are laid out in the place where they are, so an instance takes the memory of any part, except for its
+    /// mesh.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`add_static`](Self::add_static), [`SceneError::NoSuchPart`] and [`SceneError::NotFinite`].
+    pub fn add_instance(
+        &mut self,
+        of: PartId,
+        transform: impl Into<Affine3A>,
+    ) -> Result<PartId, SceneError> {
+        let part = self.part(of)?;
+        let original = match part.role {
+            Role::Instance(original) => original,
+            Role::Static | Role::Dynamic => of,
+        };
+        let mesh = Arc::clone(&part.mesh);
+        let transform = transform.into();
+        if !transform.is_finite() {
+            return Err(SceneError::NotFinite { part: of });
+        }
+        self.add(Role::Instance(original), mesh, transform)
+    }
+
+    /// Gives a part other positions, one for each vertex of its mesh and before its transform, from the next commit on; its
+    /// instances too. On an error, it keeps those it has.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::NoSuchPart`]; [`SceneError::Mesh`] for another number of vertices or one that is not finite.
+    pub fn set_positions(
+        &mut self,
+        part: PartId,
+        positions: &[[f32; 3]],
+    ) -> Result<(), SceneError> {
+        let changed = self.part_mut(part)?;
+        let mesh = changed.mesh.with_positions(positions.to_vec());
+        let mesh = Arc::new(mesh.map_err(|error| SceneError::Mesh { part, error })?);
+        changed.set_mesh(&mesh);
+        for other in &mut self.parts {
+            if other.role == Role::Instance(part) {
+                other.set_mesh(&mesh);
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts a part in another place, from the next commit on: `transform` goes from its mesh to the scene, and may be any,
+    /// mirroring and flattening too.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::NoSuchPart`]; [`SceneError::NotFinite`].
+    pub fn set_transform(
+        &mut self,
+        part: PartId,
+        transform: impl Into<Affine3A>,
+    ) -> Result<(), SceneError> {
+        let transform = transform.into();
+        let changed = self.part_mut(part)?;
+        if !transform.is_finite() {
+            return Err(SceneError::NotFinite { part });
+        }
+        changed.transform = transform;
+        changed.is_changed = true;
+        Ok(())
+    }
+
+    /// Takes a part out, from the next commit on. Its id is not given to another.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::NoSuchPart`].
+    pub fn remove(&mut self, part: PartId) -> Result<(), SceneError> {
+        let place = self.place(part)?;
+        self.parts.remove(place);
+        Ok(())
+    }
+
+    /// How the next commits make frames of parts. Answers do not depend on it.
+    pub fn set_strategy(&mut self, strategy: Strategy) {
+        self.strategy = strategy;
+    }
+
+    /// How many rays a frame is traced with, about: [`Strategy::Auto`] spends more time on a frame that more rays will gain
+    /// from.
+    pub fn set_ray_budget(&mut self, rays: u64) {
+        self.ray_budget = rays;
+    }
+
+    /// The parts, in the order in which they were added.
+    pub fn parts(&self) -> impl ExactSizeIterator<Item = PartId> + '_ {
+        self.parts.iter().map(|part| part.id)
+    }
+
+    /// Makes a frame of the parts as they are now.
+    ///
+    /// The same parts and the same changes give the same frame on any number of threads.
+    ///
+    /// # Errors
+    ///
+    /// [`CommitError`] names the part; the frame before stays as it is, and so do the parts: what is wrong can be mended, or
+    /// removed, before the next commit.
+    pub fn commit(&mut self) -> Result<CommitReport, CommitError> {
+        let plan = self.plan()?;
+        Ok(self.apply(plan))
+    }
+
+    /// What the last commit that succeeded has made; nothing before the first.
+    pub fn frame(&self) -> Frame<'_> {
+        Frame::new(&self.front)
+    }
+
+    /// The same as [`frame`](Self::frame), to keep while the scene goes on.
+    pub fn snapshot(&self) -> Arc<FrameData> {
+        Arc::clone(&self.front)
+    }
+
+    fn add(
+        &mut self,
+        role: Role,
+        mesh: Arc<Mesh>,
+        transform: Affine3A,
+    ) -> Result<PartId, SceneError> {
+        let triangles = self.triangles() + mesh.len();
+        if triangles > MAX_TRIANGLES {
+            return Err(SceneError::TooManyTriangles { triangles });
+        }
+        let id = PartId(self.next_id);
+        self.next_id = id.0.checked_add(1).ok_or(SceneError::TooManyParts)?;
+        let first_slot = self.take_slots(mesh.len());
+        self.parts
+            .push(Part::new(id, role, mesh, transform, first_slot));
+        Ok(id)
+    }
+
+    /// Numbers for the triangles of a part. Those of parts that were removed are given again only when there are no others.
+    fn take_slots(&mut self, triangles: usize) -> u32 {
+        let count = |mesh: &Mesh| u32::try_from(mesh.len()).expect("30 bits count triangles");
+        let triangles = u32::try_from(triangles).expect("30 bits count triangles");
+        // The last number stands for no triangle.
+        if self.next_slot.checked_add(triangles).is_none_or(|end| end == u32::MAX) {
+            self.next_slot = 0;
+            for part in &mut self.parts {
+                part.first_slot = self.next_slot;
+                self.next_slot += count(&part.mesh);
+            }
+        }
+        let first = self.next_slot;
+        self.next_slot += triangles;
+        first
+    }
+
+    fn triangles(&self) -> usize {
+        self.parts.iter().map(|part| part.mesh.len()).sum()
+    }
+
+    fn place(&self, part: PartId) -> Result<usize, SceneError> {
+        let place = self.parts.binary_search_by_key(&part, |part| part.id);
+        place.map_err(|_| SceneError::NoSuchPart { part })
+    }
+
+    fn part(&self, part: PartId) -> Result<&Part, SceneError> {
+        self.place(part).map(|place| &self.parts[place])
+    }
+
+    fn part_mut(&mut self, part: PartId) -> Result<&mut Part, SceneError> {
+        self.place(part).map(|place| &mut self.parts[place])
+    }
+}

@@ -1,0 +1,238 @@
+//! Doing what was planned, none of which can fail.
+
+use std::sync::Arc;
+
+use kd_core::{Aabb, Mesh};
+use kd_trace::{Join, Joined, WideTree};
+use smallvec::SmallVec;
+
+use super::frame::{FrameData, FramePart, Shape};
+use super::grove::{From, Grove, Wanted};
+use super::part::Role;
+use super::plan::{Nodes, PartPlan, Plan};
+use super::report::{Action, CommitReport, PartChange, Reason};
+use super::{Scene, Strategy};
+
+/// What a ray takes for a node that it visits, and what building a triangle takes over refitting it, in nanoseconds on the
+/// machines that kd is measured on. Only their ratio decides anything.
+const NODE_NS: f64 = 10.0;
+const BUILD_NS: f64 = 230.0;
+
+impl Scene {
+    pub(super) fn apply(&mut self, plan: Plan) -> CommitReport {
+        self.commits += 1;
+        for part in self.parts.iter_mut().filter(|part| part.is_changed) {
+            part.moved = self.commits;
+            part.is_changed = false;
+        }
+        let (meshes, changes, joined) = match plan {
+            Plan::Parts(plans) => self.apply_parts(plans),
+            Plan::Whole(meshes, traced) => {
+                self.show(Shape::Whole(traced));
+                let changes = self.parts.iter().zip(&meshes).map(|(part, mesh)| PartChange {
+                    part: part.id,
+                    triangles: mesh.len(),
+                    action: Action::BuiltWithAll,
+                    reason: Reason::Strategy,
+                });
+                let changes = changes.collect();
+                (meshes, changes, Joined::default())
+            }
+        };
+        let bounds = around(&meshes);
+        let mut next = 0;
+        let numbered = matches!(self.front.shape, Shape::Whole(_));
+        let parts = self.parts.iter().zip(meshes).map(|(part, mesh)| {
+            let first = if numbered { next } else { part.first_slot };
+            next += u32::try_from(mesh.len()).expect("30 bits count triangles");
+            FramePart {
+                id: part.id,
+                first,
+                mesh,
+            }
+        });
+        let parts: Vec<FramePart> = parts.collect();
+        let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
+        front.parts = parts;
+        front.bounds = bounds;
+        CommitReport {
+            strategy: self.strategy.clone(),
+            parts: self.parts.len(),
+            triangles: self.triangles(),
+            changes,
+            top_nodes: joined.nodes,
+            links: joined.links,
+            opened: joined.opened,
+            bytes: self.front.bytes(),
+        }
+    }
+
+    /// Makes another shape the one of the frame, in memory that nobody else looks at.
+    fn show(&mut self, shape: Shape) {
+        if let Some(front) = Arc::get_mut(&mut self.front) {
+            front.shape = shape;
+            return;
+        }
+        let frame = FrameData {
+            shape,
+            ..FrameData::default()
+        };
+        self.back = Some(std::mem::replace(&mut self.front, Arc::new(frame)));
+    }
+
+    fn apply_parts(&mut self, plans: Vec<PartPlan>) -> (Vec<Arc<Mesh>>, Vec<PartChange>, Joined) {
+        let mut meshes = Vec::with_capacity(plans.len());
+        let mut nodes = Vec::with_capacity(plans.len());
+        let mut changes = Vec::new();
+        for (part, plan) in self.parts.iter_mut().zip(plans) {
+            if let Some((action, reason)) = plan.done {
+                changes.push(PartChange {
+                    part: part.id,
+                    triangles: plan.mesh.len(),
+                    action,
+                    reason,
+                });
+            }
+            meshes.push(plan.mesh);
+            nodes.push(plan.nodes);
+        }
+        self.plant(&meshes, &nodes);
+        if self.strategy == Strategy::Auto {
+            let worn = self.build_where_it_pays(&meshes, &mut changes);
+            if worn.iter().any(|nodes| matches!(nodes, Nodes::New(_))) {
+                self.plant(&meshes, &worn);
+            }
+        }
+        let joined = self.join();
+        (meshes, changes, joined)
+    }
+
+    /// Puts the nodes of all parts into the frame, where their triangles are now.
+    fn plant(&mut self, meshes: &[Arc<Mesh>], nodes: &[Nodes]) {
+        for (place, nodes) in nodes.iter().enumerate() {
+            if !matches!(nodes, Nodes::Kept) {
+                self.parts[place].built = self.commits;
+            }
+        }
+        let mut wanted: SmallVec<[Vec<Wanted<'_>>; 2]> = SmallVec::new();
+        wanted.resize_with(if self.strategy == Strategy::Dual { 2 } else { 1 }, Vec::new);
+        for ((part, mesh), nodes) in self.parts.iter().zip(meshes).zip(nodes) {
+            let is_second = self.strategy == Strategy::Dual && part.role != Role::Static;
+            wanted[usize::from(is_second)].push(Wanted {
+                key: part.key(),
+                mesh,
+                from: match nodes {
+                    Nodes::Kept => From::Before,
+                    Nodes::New(tree) => From::New(tree),
+                    Nodes::Shared(original) => From::Other(self.parts[*original].key()),
+                },
+            });
+        }
+        for wanted in &mut wanted {
+            wanted.sort_by_key(|wanted| wanted.key.nodes());
+        }
+        let own = Arc::get_mut(&mut self.front).map(|front| std::mem::take(&mut front.shape));
+        let (mut groves, before) = match own {
+            Some(Shape::Groves(groves)) if groves.len() == wanted.len() => (groves, SmallVec::new()),
+            Some(Shape::Groves(groves)) => (new_groves(wanted.len()), groves),
+            Some(Shape::Whole(_)) => (new_groves(wanted.len()), SmallVec::new()),
+            None => (self.take_back(wanted.len()), SmallVec::new()),
+        };
+        let front = match &self.front.shape {
+            Shape::Groves(groves) => groves.as_slice(),
+            Shape::Whole(_) => &[],
+        };
+        for (number, wanted) in wanted.iter().enumerate() {
+            let (earlier, rest) = groves.split_at_mut(number);
+            rest[0].update(wanted, &[earlier, &before, front]);
+        }
+        for (place, nodes) in nodes.iter().enumerate() {
+            let part = &self.parts[place];
+            let cost = match nodes {
+                Nodes::Kept => continue,
+                Nodes::Shared(original) => self.parts[*original].cost,
+                Nodes::New(_) => {
+                    let key = part.key();
+                    let cost = groves.iter().find_map(|grove| grove.cost(&key));
+                    cost.expect("it was just planted").per_surface()
+                }
+            };
+            self.parts[place].cost = cost;
+        }
+        self.show(Shape::Groves(groves));
+    }
+
+    /// So many groves of a frame that nobody looks at any more, or new ones.
+    fn take_back(&mut self, count: usize) -> SmallVec<[Grove; 2]> {
+        let back = self.back.take().and_then(|back| Arc::try_unwrap(back).ok());
+        match back.map(|back| back.shape) {
+            Some(Shape::Groves(groves)) if groves.len() == count => groves,
+            _ => new_groves(count),
+        }
+    }
+
+    /// Joins the parts of the frame.
+    fn join(&mut self) -> Joined {
+        let options = match self.strategy {
+            Strategy::Dual | Strategy::Instances => Join {
+                open_above: f64::INFINITY,
+            },
+            _ => Join::default(),
+        };
+        let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
+        let mut all = Joined::default();
+        if let Shape::Groves(groves) = &mut front.shape {
+            for grove in groves {
+                let joined = grove.forest.join(options);
+                all.nodes += joined.nodes;
+                all.links += joined.links;
+                all.opened += joined.opened;
+            }
+        }
+        all
+    }
+
+    /// Builds the parts anew that were refitted, and whose boxes have become so bad that it pays; and says so.
+    fn build_where_it_pays(
+        &self,
+        meshes: &[Arc<Mesh>],
+        changes: &mut [PartChange],
+    ) -> Vec<Nodes> {
+        let mut nodes: Vec<Nodes> = meshes.iter().map(|_| Nodes::Kept).collect();
+        let Shape::Groves(groves) = &self.front.shape else {
+            return nodes;
+        };
+        let area = around(meshes).half_area();
+        let refitted = changes.iter_mut();
+        for change in refitted.filter(|change| change.action == Action::Refitted) {
+            let place = self.place(change.part).expect("it is in the scene");
+            let part = &self.parts[place];
+            let key = part.key();
+            let now = groves.iter().find_map(|grove| grove.cost(&key));
+            let now = now.expect("it is in the frame");
+            let more = now.cost - part.cost * now.surface;
+            let visits = if area > 0.0 { more.max(0.0) / area } else { 0.0 };
+            #[allow(clippy::cast_precision_loss, reason = "an estimate")]
+            let rays_lose_ns = self.ray_budget as f64 * visits * NODE_NS;
+            let building_takes_ns = BUILD_NS * change.triangles as f64;
+            change.reason = Reason::Reckoned {
+                rays_lose_ns,
+                building_takes_ns,
+            };
+            if rays_lose_ns > building_takes_ns {
+                change.action = Action::BuiltFast;
+                nodes[place] = Nodes::New(WideTree::from_objects(&meshes[place]));
+            }
+        }
+        nodes
+    }
+}
+
+fn new_groves(count: usize) -> SmallVec<[Grove; 2]> {
+    std::iter::repeat_with(Grove::default).take(count).collect()
+}
+
+fn around(meshes: &[Arc<Mesh>]) -> Aabb {
+    let boxes = meshes.iter().map(|mesh| mesh.bounds());
+    boxes.fold(Aabb::EMPTY, |around, bounds| around.union(&bounds))
+}
