@@ -287,12 +287,17 @@ mod tests {
         bad[2][1] = f32::NAN;
         let refused = mesh.with_positions(bad).expect_err("NaN");
         assert_eq!(refused, MeshError::NotFinite { vertex: 2 });
-        let huge = Affine3A::from_scale(Vec3::splat(f32::MAX)) * Affine3A::from_scale(Vec3::splat(2.0));
+        let huge =
+            Affine3A::from_scale(Vec3::splat(f32::MAX)) * Affine3A::from_scale(Vec3::splat(2.0));
         let refused = mesh.transformed(&huge).expect_err("overflows");
         assert_eq!(refused, MeshError::NotFinite { vertex: 0 });
         let up = mesh.transformed(&Affine3A::from_translation(Vec3::Z));
         let up = up.expect("finite");
-        assert_eq!((up.bounds().min.z, up.triangles()), (1.0, mesh.triangles()), "moved");
+        assert_eq!(
+            (up.bounds().min.z, up.triangles()),
+            (1.0, mesh.triangles()),
+            "moved"
+        );
     }
 
     #[test]

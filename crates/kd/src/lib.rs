@@ -112,8 +112,8 @@ pub use kd_trace::TraversalCounts;
 pub use kd_trace::{Level, PackedTree, WideTree};
 pub use lazy::LazyTree;
 pub use scene::{
-    Action, CommitError, CommitReport, Frame, FrameData, MergeMethod, PartChange, PartId, Reason, Scene,
-    SceneError, Strategy,
+    Action, CommitError, CommitReport, Frame, FrameData, MergeMethod, PartChange, PartId, Reason,
+    Scene, SceneError, Strategy,
 };
 pub use tree::KdTree;
 

@@ -271,7 +271,11 @@ impl Scene {
         let count = |mesh: &Mesh| u32::try_from(mesh.len()).expect("30 bits count triangles");
         let triangles = u32::try_from(triangles).expect("30 bits count triangles");
         // The last number stands for no triangle.
-        if self.next_slot.checked_add(triangles).is_none_or(|end| end == u32::MAX) {
+        if self
+            .next_slot
+            .checked_add(triangles)
+            .is_none_or(|end| end == u32::MAX)
+        {
             self.next_slot = 0;
             for part in &mut self.parts {
                 part.first_slot = self.next_slot;

@@ -132,9 +132,7 @@ impl BoxTree {
     pub(crate) fn add_leaf(&mut self, items: &[Item], per_area: f64) -> Added {
         let bounds = Item::around(items);
         let (choice, costs) = match self.of {
-            Leaves::Triangles => {
-                collapse::leaf(relative_area(&bounds, per_area), items.len())
-            }
+            Leaves::Triangles => collapse::leaf(relative_area(&bounds, per_area), items.len()),
             Leaves::Links => collapse::link(),
         };
         let first = to_u32(self.items.len());

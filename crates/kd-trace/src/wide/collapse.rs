@@ -58,7 +58,11 @@ impl Choice {
 
 /// What a ray takes that visits a leaf of so many blocks, or a node, which has none.
 pub(crate) fn visit(blocks: usize) -> f32 {
-    if blocks == 0 { NODE } else { BLOCK * blocks as f32 }
+    if blocks == 0 {
+        NODE
+    } else {
+        BLOCK * blocks as f32
+    }
 }
 
 fn leaf_cost(area: f32, triangles: usize) -> f32 {

@@ -15,9 +15,9 @@
 
 use kd_core::{Aabb, Axis, MAX_DEPTH, Mesh, NodeIndex, NodeView, Tree, clipped_halves};
 
-use super::box_tree::{Added, BoxTree, Item};
 #[cfg(feature = "parallel")]
 use super::box_tree::Leaves;
+use super::box_tree::{Added, BoxTree, Item};
 use super::object_split::ObjectSplit;
 
 /// So many triangles are not divided.
@@ -124,7 +124,6 @@ impl Divider<'_> {
         let parts = [lower, upper].map(|(at, items)| self.by_planes(at, items, divisions, to));
         to.set_split(place, axis, parts, self.per_area)
     }
-
 }
 
 /// Adds the boxes of triangles, of which there are some, divided as objects. `divisions` is how often they were already, and

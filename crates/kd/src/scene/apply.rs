@@ -29,12 +29,16 @@ impl Scene {
             Plan::Parts(plans) => self.apply_parts(plans),
             Plan::Whole(meshes, traced) => {
                 self.show(Shape::Whole(traced));
-                let changes = self.parts.iter().zip(&meshes).map(|(part, mesh)| PartChange {
-                    part: part.id,
-                    triangles: mesh.len(),
-                    action: Action::BuiltWithAll,
-                    reason: Reason::Strategy,
-                });
+                let changes = self
+                    .parts
+                    .iter()
+                    .zip(&meshes)
+                    .map(|(part, mesh)| PartChange {
+                        part: part.id,
+                        triangles: mesh.len(),
+                        action: Action::BuiltWithAll,
+                        reason: Reason::Strategy,
+                    });
                 let changes = changes.collect();
                 (meshes, changes, Joined::default())
             }
@@ -115,7 +119,14 @@ impl Scene {
             }
         }
         let mut wanted: SmallVec<[Vec<Wanted<'_>>; 2]> = SmallVec::new();
-        wanted.resize_with(if self.strategy == Strategy::Dual { 2 } else { 1 }, Vec::new);
+        wanted.resize_with(
+            if self.strategy == Strategy::Dual {
+                2
+            } else {
+                1
+            },
+            Vec::new,
+        );
         for ((part, mesh), nodes) in self.parts.iter().zip(meshes).zip(nodes) {
             let is_second = self.strategy == Strategy::Dual && part.role != Role::Static;
             wanted[usize::from(is_second)].push(Wanted {
@@ -133,7 +144,9 @@ impl Scene {
         }
         let own = Arc::get_mut(&mut self.front).map(|front| std::mem::take(&mut front.shape));
         let (mut groves, before) = match own {
-            Some(Shape::Groves(groves)) if groves.len() == wanted.len() => (groves, SmallVec::new()),
+            Some(Shape::Groves(groves)) if groves.len() == wanted.len() => {
+                (groves, SmallVec::new())
+            }
             Some(Shape::Groves(groves)) => (new_groves(wanted.len()), groves),
             Some(Shape::Whole(_)) => (new_groves(wanted.len()), SmallVec::new()),
             None => (self.take_back(wanted.len()), SmallVec::new()),
@@ -193,11 +206,7 @@ impl Scene {
     }
 
     /// Builds the parts anew that were refitted, and whose boxes have become so bad that it pays; and says so.
-    fn build_where_it_pays(
-        &self,
-        meshes: &[Arc<Mesh>],
-        changes: &mut [PartChange],
-    ) -> Vec<Nodes> {
+    fn build_where_it_pays(&self, meshes: &[Arc<Mesh>], changes: &mut [PartChange]) -> Vec<Nodes> {
         let mut nodes: Vec<Nodes> = meshes.iter().map(|_| Nodes::Kept).collect();
         let Shape::Groves(groves) = &self.front.shape else {
             return nodes;
@@ -211,7 +220,11 @@ impl Scene {
             let now = groves.iter().find_map(|grove| grove.cost(&key));
             let now = now.expect("it is in the frame");
             let more = now.cost - part.cost * now.surface;
-            let visits = if area > 0.0 { more.max(0.0) / area } else { 0.0 };
+            let visits = if area > 0.0 {
+                more.max(0.0) / area
+            } else {
+                0.0
+            };
             #[allow(clippy::cast_precision_loss, reason = "an estimate")]
             let rays_lose_ns = self.ray_budget as f64 * visits * NODE_NS;
             let building_takes_ns = BUILD_NS * change.triangles as f64;

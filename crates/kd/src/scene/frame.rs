@@ -86,7 +86,10 @@ impl FrameData {
 
     /// A part's mesh where it is in this frame: to look up corners and normals of hits. `None` if it is not in the frame.
     pub fn mesh(&self, part: PartId) -> Option<&Arc<Mesh>> {
-        let place = self.parts.binary_search_by_key(&part, |part| part.id).ok()?;
+        let place = self
+            .parts
+            .binary_search_by_key(&part, |part| part.id)
+            .ok()?;
         Some(&self.parts[place].mesh)
     }
 
@@ -263,7 +266,9 @@ impl FrameData {
     #[inline]
     fn of_part(&self, hit: Hit) -> (PartId, Hit) {
         // Of parts with the same number only the last has triangles.
-        let after = self.parts.partition_point(|part| part.first <= hit.triangle);
+        let after = self
+            .parts
+            .partition_point(|part| part.first <= hit.triangle);
         let part = &self.parts[after - 1];
         let triangle = hit.triangle - part.first;
         (part.id, Hit { triangle, ..hit })

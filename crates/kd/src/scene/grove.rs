@@ -56,9 +56,7 @@ impl Key {
 impl Grove {
     /// Where the nodes of a part are, wherever its triangles were then.
     pub(super) fn position(&self, wanted: &Key) -> Option<usize> {
-        let found = self
-            .trees
-            .binary_search_by_key(&wanted.nodes(), Key::nodes);
+        let found = self.trees.binary_search_by_key(&wanted.nodes(), Key::nodes);
         found.ok()
     }
 

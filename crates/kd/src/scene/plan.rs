@@ -131,10 +131,7 @@ impl Scene {
 
     fn build(&self, part: &Part, mesh: &Mesh) -> Result<(Nodes, Action), CommitError> {
         if part.role != Role::Static {
-            return Ok((
-                Nodes::New(WideTree::from_objects(mesh)),
-                Action::BuiltFast,
-            ));
+            return Ok((Nodes::New(WideTree::from_objects(mesh)), Action::BuiltFast));
         }
         let tree = kd_sah::build(mesh, &self.options).map_err(|error| CommitError::Build {
             part: part.id,

@@ -74,7 +74,11 @@ impl Arrays {
         for node in &self.nodes[part.nodes()] {
             for lane in node.lanes() {
                 let child = node.children[lane];
-                let blocks = if child.is_leaf() { child.blocks().len() } else { 0 };
+                let blocks = if child.is_leaf() {
+                    child.blocks().len()
+                } else {
+                    0
+                };
                 cost += node.bounds(lane).half_area() * f64::from(collapse::visit(blocks));
             }
         }
