@@ -9,6 +9,7 @@ use crate::builds::BuildsArgs;
 use crate::calibrate::CalibrateArgs;
 use crate::instructions::InstructionsArgs;
 use crate::merges::MergesArgs;
+use crate::paper::PaperArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
@@ -31,6 +32,8 @@ pub(crate) enum Command {
     Rays(RaysArgs),
     /// Print what merging trees costs and is worth, over building anew, with the goals
     Merges(MergesArgs),
+    /// Make a table of one of the papers again, ours beside it
+    Paper(Box<PaperArgs>),
     /// Count instructions per ray, which do not depend on how busy the machine is
     Instructions(InstructionsArgs),
     /// Write the HTML report of a recorded run again

@@ -1,13 +1,14 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | rays | merges | instructions | report | calibrate | compare`.
+//! Started by `cargo xtask bench | builds | rays | merges | paper | instructions | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "a command line program talks to its user there"
 )]
 
+mod animation;
 mod builds;
 mod calibrate;
 mod check;
@@ -20,6 +21,7 @@ mod measure;
 mod memory;
 mod merges;
 mod native;
+mod paper;
 mod peers;
 mod picture;
 mod plots;
@@ -49,6 +51,7 @@ fn main() -> ExitCode {
         Command::Builds(arguments) => builds::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
         Command::Merges(arguments) => merges::run(&arguments),
+        Command::Paper(arguments) => paper::run(&arguments),
         Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),
         Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -16,6 +16,9 @@ mod parry3d;
 #[cfg(feature = "peers")]
 mod rust;
 
+#[cfg(feature = "peers")]
+pub(crate) use embree::{EmbreeMoving, Following};
+
 use kd::Mesh;
 
 use crate::structure::{Built, OrderedHits, Variant};

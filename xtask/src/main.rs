@@ -50,6 +50,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::run("merges", arguments),
     },
     Command {
+        name: "paper",
+        arguments: "TABLE [OPTIONS]",
+        help: "make a table of one of the papers again (`paper --help` lists them)",
+        run: |arguments| bench::run("paper", arguments),
+    },
+    Command {
         name: "instructions",
         arguments: "[--json FILE]",
         help: "count instructions per ray, with valgrind: the same on every run",

@@ -5,8 +5,8 @@ use std::time::Instant;
 use kd::{Hit, Mesh, Ray};
 
 use super::embree_api::{
-    FirstHits, Hit1, Input, NOTHING, Purpose, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8,
-    Scene,
+    FirstHits, Hit1, Input, Moving, NOTHING, Purpose, Quality, QueryContext, Ray1, Ray8, RayHit1,
+    RayHit8, Scene,
 };
 use super::shape_of;
 use crate::record::Steps;
@@ -51,6 +51,51 @@ pub(super) fn build(
     })
 }
 
+/// A scene of which one mesh stands still and one moves.
+#[derive(Debug)]
+pub(crate) struct EmbreeMoving(Moving);
+
+/// How Embree follows what moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Following {
+    /// Everything is built anew, in medium quality
+    Rebuild,
+    /// What moves is built anew in medium quality, in a scene that is made for that
+    Medium,
+    /// What moves is refitted
+    Refit,
+}
+
+impl EmbreeMoving {
+    pub(crate) fn new(
+        fixed: &Mesh,
+        moving: &Mesh,
+        following: Following,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
+        let (scene, purpose, quality) = match following {
+            Following::Rebuild => (Quality::Medium, Purpose::Usual, Quality::Medium),
+            Following::Medium => (Quality::Low, Purpose::Dynamic, Quality::Medium),
+            Following::Refit => (Quality::Low, Purpose::Dynamic, Quality::Refit),
+        };
+        let input = Input::of_scene(fixed, [scene, Quality::Medium], purpose, threads)?;
+        Ok(Self(input.add(moving, quality)?))
+    }
+
+    pub(crate) fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()> {
+        self.0.update(positions)
+    }
+
+    /// The closest hits, one by one or in packets of eight; triangles have the numbers of their own mesh.
+    pub(crate) fn closest(&self, packets: bool, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        closest(&self.0.scene, packets, rays, hits);
+    }
+
+    pub(crate) fn any(&self, packets: bool, rays: &[Ray], hits: &mut [bool]) {
+        any(&self.0.scene, packets, rays, hits);
+    }
+}
+
 /// An Embree scene that is asked for several hits of a ray.
 #[derive(Debug)]
 struct Filtered(Scene);
@@ -73,44 +118,11 @@ impl OrderedHits for Filtered {
 
 impl Structure for Embree {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        let mut context = QueryContext::new(have_one_origin(rays));
-        if self.packets {
-            let mut packet = EMPTY_HITS8;
-            for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
-                fill(&mut packet.ray, rays);
-                packet.geometry = [NOTHING; 8];
-                self.scene.intersect8(&mut context, &mut packet);
-                for (lane, hit) in hits.iter_mut().enumerate() {
-                    *hit = hit_of_lane(&packet, lane);
-                }
-            }
-        } else {
-            for (ray, hit) in rays.iter().zip(hits) {
-                let mut single = with_room_for_hit(ray);
-                self.scene.intersect1(&mut context, &mut single);
-                *hit = hit_of(&single);
-            }
-        }
+        closest(&self.scene, self.packets, rays, hits);
     }
 
     fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        let mut context = QueryContext::new(have_one_origin(rays));
-        if self.packets {
-            let mut packet = EMPTY8;
-            for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
-                fill(&mut packet, rays);
-                self.scene.occluded8(&mut context, &mut packet);
-                for (hit, t_max) in hits.iter_mut().zip(packet.t_max) {
-                    *hit = t_max < 0.0;
-                }
-            }
-        } else {
-            for (ray, hit) in rays.iter().zip(hits) {
-                let mut single = single_of(ray);
-                self.scene.occluded1(&mut context, &mut single);
-                *hit = single.t_max < 0.0;
-            }
-        }
+        any(&self.scene, self.packets, rays, hits);
     }
 
     fn counted(&self, _: &Ray) -> Option<(Option<Hit>, Steps)> {
@@ -123,6 +135,47 @@ impl Structure for Embree {
 
     fn flaw(&self) -> Option<String> {
         None
+    }
+}
+
+fn closest(scene: &Scene, packets: bool, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    let mut context = QueryContext::new(have_one_origin(rays));
+    if packets {
+        let mut packet = EMPTY_HITS8;
+        for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
+            fill(&mut packet.ray, rays);
+            packet.geometry = [NOTHING; 8];
+            scene.intersect8(&mut context, &mut packet);
+            for (lane, hit) in hits.iter_mut().enumerate() {
+                *hit = hit_of_lane(&packet, lane);
+            }
+        }
+    } else {
+        for (ray, hit) in rays.iter().zip(hits) {
+            let mut single = with_room_for_hit(ray);
+            scene.intersect1(&mut context, &mut single);
+            *hit = hit_of(&single);
+        }
+    }
+}
+
+fn any(scene: &Scene, packets: bool, rays: &[Ray], hits: &mut [bool]) {
+    let mut context = QueryContext::new(have_one_origin(rays));
+    if packets {
+        let mut packet = EMPTY8;
+        for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
+            fill(&mut packet, rays);
+            scene.occluded8(&mut context, &mut packet);
+            for (hit, t_max) in hits.iter_mut().zip(packet.t_max) {
+                *hit = t_max < 0.0;
+            }
+        }
+    } else {
+        for (ray, hit) in rays.iter().zip(hits) {
+            let mut single = single_of(ray);
+            scene.occluded1(&mut context, &mut single);
+            *hit = single.t_max < 0.0;
+        }
     }
 }
 

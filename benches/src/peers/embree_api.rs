@@ -40,12 +40,16 @@ pub(super) enum Quality {
     Medium = 1,
     /// The same with spatial splits
     High = 2,
+    /// Boxes of what was built before, where triangles are now
+    Refit = 3,
 }
 
 /// What a scene is made for: `RTCSceneFlags`.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
     Usual = 0,
+    /// A geometry may change
+    Dynamic = 1 << 0,
     /// Rays through edges hit
     Robust = 1 << 2,
     /// Contexts may filter hits
@@ -273,6 +277,7 @@ functions! {
     set_geometry_quality = b"rtcSetGeometryBuildQuality" (Handle, c_int);
     new_buffer = b"rtcSetNewGeometryBuffer" (Handle, c_int, c_uint, c_int, usize, usize) -> *mut c_void;
     commit_geometry = b"rtcCommitGeometry" (Handle);
+    update_buffer = b"rtcUpdateGeometryBuffer" (Handle, c_int, c_uint);
     attach_geometry = b"rtcAttachGeometry" (Handle, Handle) -> c_uint;
     intersect1 = b"rtcIntersect1" (Handle, *mut QueryContext, *mut RayHit1);
     occluded1 = b"rtcOccluded1" (Handle, *mut QueryContext, *mut Ray1);
@@ -356,6 +361,15 @@ pub(super) struct Scene {
     pub(super) peak_bytes: usize,
 }
 
+/// A scene of which one mesh moves.
+#[derive(Debug)]
+pub(super) struct Moving {
+    pub(super) scene: Scene,
+    geometry: Handle,
+    vertices: *mut [f32; 3],
+    count: usize,
+}
+
 // SAFETY: the handles are reference counted objects of a library that may be used from any thread.
 unsafe impl Send for Scene {}
 // SAFETY: the only calls through a shared scene are queries, which may run on any number of threads once a scene is
@@ -368,6 +382,16 @@ impl Input {
     pub(super) fn new(
         mesh: &Mesh,
         quality: Quality,
+        purpose: Purpose,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
+        Self::of_scene(mesh, [quality, quality], purpose, threads)
+    }
+
+    /// [`new`](Self::new) with a quality of the scene, and one of the mesh.
+    pub(super) fn of_scene(
+        mesh: &Mesh,
+        [of_scene, of_mesh]: [Quality; 2],
         purpose: Purpose,
         threads: usize,
     ) -> anyhow::Result<Self> {
@@ -386,12 +410,33 @@ impl Input {
             scene,
         };
         // SAFETY: the scene is valid, and the quality one of its enumeration.
-        unsafe { (functions.set_scene_quality)(scene, quality as c_int) };
+        unsafe { (functions.set_scene_quality)(scene, of_scene as c_int) };
         // SAFETY: the scene is valid, and the flags are of its enumeration.
         unsafe { (functions.set_scene_flags)(scene, purpose as c_int) };
-        handles.attach(mesh, quality)?;
+        handles.attach(mesh, of_mesh)?;
         handles.check()?;
         Ok(Self(handles))
+    }
+
+    /// Adds one more mesh, whose vertices may be changed.
+    pub(super) fn add(self, mesh: &Mesh, quality: Quality) -> anyhow::Result<Moving> {
+        let Self(handles) = self;
+        let (geometry, vertices) = handles.attach(mesh, quality)?;
+        let before = BYTES_IN_USE.load(Ordering::Relaxed);
+        let mut moving = Moving {
+            scene: Scene {
+                handles,
+                bytes: 0,
+                peak_bytes: 0,
+            },
+            geometry,
+            vertices,
+            count: mesh.positions().len(),
+        };
+        moving.update(mesh.positions())?;
+        let grown = BYTES_IN_USE.load(Ordering::Relaxed).saturating_sub(before);
+        moving.scene.bytes = grown.max(0).unsigned_abs();
+        Ok(moving)
     }
 
     /// Builds. This is what is timed.
@@ -412,8 +457,8 @@ impl Input {
 }
 
 impl Handles {
-    /// Adds the mesh to the scene, as its geometry 0.
-    fn attach(&self, mesh: &Mesh, quality: Quality) -> anyhow::Result<()> {
+    /// Adds the mesh to the scene, and tells which geometry it is, which the scene keeps, and where its vertices are.
+    fn attach(&self, mesh: &Mesh, quality: Quality) -> anyhow::Result<(Handle, *mut [f32; 3])> {
         let functions = self.functions;
         // SAFETY: the device is valid.
         let geometry = unsafe { (functions.new_geometry)(self.device, TRIANGLES) };
@@ -421,7 +466,10 @@ impl Handles {
         unsafe { (functions.set_geometry_quality)(geometry, quality as c_int) };
         let copied = self
             .fill(geometry, VERTEX_BUFFER, THREE_FLOATS, mesh.positions())
-            .and_then(|()| self.fill(geometry, INDEX_BUFFER, THREE_UINTS, mesh.triangles()));
+            .and_then(|vertices| {
+                self.fill(geometry, INDEX_BUFFER, THREE_UINTS, mesh.triangles())?;
+                Ok((geometry, vertices))
+            });
         if copied.is_ok() {
             // SAFETY: the geometry is valid and has its two buffers.
             unsafe { (functions.commit_geometry)(geometry) };
@@ -433,14 +481,14 @@ impl Handles {
         copied
     }
 
-    /// Gives a geometry a buffer with a copy of `values`, whose layout is `format`: triples of 4 bytes.
+    /// Gives a geometry a buffer, and tells where it is, with a copy of `values`, whose layout is `format`: triples of 4 bytes.
     fn fill<T: Copy>(
         &self,
         geometry: Handle,
         buffer: c_int,
         format: c_int,
         values: &[[T; 3]],
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<*mut [T; 3]> {
         const STRIDE: usize = 12;
         assert_eq!(size_of::<[T; 3]>(), STRIDE, "triples of 4 bytes");
         let new_buffer = self.functions.new_buffer;
@@ -450,7 +498,7 @@ impl Handles {
         // SAFETY: the buffer is new, so it overlaps nothing, and was made for this many values of this size; Embree
         // aligns buffers to 16 bytes or more.
         unsafe { ptr::copy_nonoverlapping(values.as_ptr(), place.cast(), values.len()) };
-        Ok(())
+        Ok(place.cast())
     }
 
     /// The first error since this was last asked.
@@ -460,6 +508,29 @@ impl Handles {
         (code == 0)
             .then_some(())
             .with_context(|| format!("Embree reports error {code}"))
+    }
+}
+
+impl Moving {
+    /// Moves the vertices of the second mesh, and makes the scene fit: this is what is timed.
+    pub(super) fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            positions.len() == self.count,
+            "one position for each vertex"
+        );
+        let Handles {
+            functions, scene, ..
+        } = self.scene.handles;
+        // SAFETY: the buffer was made for so many positions and lives as long as the geometry, which the scene keeps; no
+        // query or build looks at it while this has the scene alone.
+        unsafe { ptr::copy_nonoverlapping(positions.as_ptr(), self.vertices, positions.len()) };
+        // SAFETY: the geometry has this buffer.
+        unsafe { (functions.update_buffer)(self.geometry, VERTEX_BUFFER, 0) };
+        // SAFETY: the geometry is valid.
+        unsafe { (functions.commit_geometry)(self.geometry) };
+        // SAFETY: the scene is valid, and nobody else has it.
+        unsafe { (functions.commit_scene)(scene) };
+        self.scene.handles.check()
     }
 }
 

@@ -1,0 +1,67 @@
+//! The tables of the papers made again, each beside ours.
+
+mod merge_table;
+mod mirrors;
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::cli::at_least_one;
+
+/// Which table, and over what.
+#[derive(Args, Debug)]
+pub(crate) struct PaperArgs {
+    /// The table
+    #[arg(value_enum)]
+    table: PaperTable,
+
+    /// Takes the animations in this folder, each a folder of baked frames; without it, a generated one
+    #[arg(long, value_name = "DIR", env = "KD_SCENES")]
+    scenes: Option<PathBuf>,
+
+    /// Only these animations [default with --scenes: bart_kitchen]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    scene: Vec<String>,
+
+    /// Only these rows, by their numbers from 1 on [default: all]
+    #[arg(long, value_name = "N", value_delimiter = ',')]
+    rows: Vec<usize>,
+
+    /// Timed repeats of everything, each after one of what it is compared with
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = at_least_one)]
+    samples: usize,
+
+    /// Trace about so many rays of the picture, in whole runs of 64 neighbours, and what follows from them; 0 traces all
+    #[arg(long, value_name = "N", default_value_t = 120_000)]
+    ray_limit: usize,
+
+    /// Measure Embree's ways to follow what moves, too
+    #[arg(long)]
+    peers: bool,
+
+    /// A small generated scene and few rays: a check that everything works
+    #[arg(long)]
+    smoke: bool,
+
+    /// Also write one JSON object for each row and strategy
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Also write a plot of update times and traces by row, as SVG
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PaperTable {
+    /// Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames made by merging and by building anew
+    MergeTable,
+}
+
+/// Measures, prints and writes; false if an answer is wrong. A goal that is not met is said, and is no failure.
+pub(crate) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
+    match arguments.table {
+        PaperTable::MergeTable => merge_table::run(arguments),
+    }
+}

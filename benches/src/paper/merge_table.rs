@@ -1,0 +1,750 @@
+//! Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames made by merging what moves into what stands still, and by
+//! building everything anew; what both take, and what rays take through both.
+
+use std::convert::Infallible;
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, ensure};
+use kd::{BuildOptions, FrameData, Hit, KdTree, MergeMethod, Mesh, PartId, Ray, Scene, Strategy};
+use kd_trace::WideTree;
+use serde_json::{Value, json};
+
+use super::PaperArgs;
+use super::mirrors::{Batch, Mirrors};
+use crate::animation::{Animation, concatenated};
+use crate::goals::{Goal, Row, Table, maximum, minimum};
+use crate::measure::{self, Repeats};
+use crate::peers;
+use crate::plots::LinePlot;
+use crate::record::{median, median_ratio};
+use crate::run_folder;
+use crate::terminal;
+
+/// Frame, and milliseconds for copying the static tree, the dynamic tree, merging, tracing; building anew, tracing that.
+const SEED: [(usize, [f64; 6]); 10] = [
+    (2, [32.0, 80.0, 178.0, 7394.0, 1198.0, 7165.0]),
+    (4, [32.0, 78.0, 185.0, 6529.0, 1174.0, 6357.0]),
+    (6, [32.0, 110.0, 201.0, 8624.0, 1234.0, 8716.0]),
+    (8, [33.0, 110.0, 219.0, 7400.0, 1214.0, 7285.0]),
+    (10, [36.0, 104.0, 200.0, 10747.0, 1213.0, 10503.0]),
+    (12, [37.0, 114.0, 333.0, 10591.0, 1216.0, 10467.0]),
+    (14, [42.0, 109.0, 436.0, 7220.0, 1219.0, 6767.0]),
+    (16, [48.0, 111.0, 473.0, 11918.0, 1288.0, 12143.0]),
+    (18, [47.0, 108.0, 378.0, 13958.0, 1286.0, 13184.0]),
+    (20, [52.0, 112.0, 420.0, 8687.0, 1287.0, 8743.0]),
+];
+
+/// Ways to make a frame of what has moved.
+const WAYS: [(&str, Strategy); 5] = [
+    ("merge", Strategy::Merge(MergeMethod::Guided)),
+    ("auto", Strategy::Auto),
+    ("refit", Strategy::Refit),
+    ("instances", Strategy::Instances),
+    ("dual", Strategy::Dual),
+];
+const MERGE: usize = 0;
+const AUTO: usize = 1;
+
+/// Ways to build everything anew.
+fn builders() -> [(&'static str, BuildOptions); 3] {
+    let builders = [
+        ("best", BuildOptions::best()),
+        ("balanced", BuildOptions::balanced()),
+        ("fast", BuildOptions::fast()),
+    ];
+    builders.map(|(name, options)| (name, options.with_threads(1)))
+}
+const BEST: usize = 0;
+const FAST: usize = 2;
+
+/// What was measured in a frame.
+#[derive(Debug)]
+struct FrameFigures {
+    label: String,
+    frame: usize,
+    /// The tree of what moves alone, in milliseconds: a part of an update by merging.
+    dynamic_ms: f64,
+    rebuild_ms: [f64; 3],
+    rebuild_trace_ms: f64,
+    /// The tree of everything, asked in batches.
+    rebuild_batch_ms: f64,
+    ways: Vec<WayFigures>,
+    embree: Vec<EmbreeFigures>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct WayFigures {
+    update_ms: f64,
+    /// Times that an update goes into building everything anew.
+    rebuilds: [f64; 3],
+    trace_ms: f64,
+    /// Over the tree of everything, by `best`.
+    trace: f64,
+    batch_ms: f64,
+}
+
+/// Of one way in which Embree follows.
+#[derive(Clone, Copy, Debug)]
+struct EmbreeFigures {
+    update_ms: f64,
+    /// Our updates, by merging and by our own choice, over its.
+    our_updates: [f64; 2],
+    trace_ms: f64,
+    packets_ms: f64,
+}
+
+pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
+    if arguments.peers {
+        peers::check_available()?;
+    }
+    let mut lines = String::new();
+    let mut problems = Vec::new();
+    for animation in animations(arguments)? {
+        let moving: usize = animation.groups.iter().map(|mesh| mesh.len()).sum();
+        println!(
+            "{}: {} triangles that stand still, {moving} in {} parts that move",
+            animation.name,
+            animation.fixed.len(),
+            animation.groups.len()
+        );
+        let figures = measure_all(&animation, arguments, &mut problems)?;
+        let is_of_seed = animation.name == "bart_kitchen";
+        println!("{}", times(&figures, is_of_seed));
+        println!("{}", ratios(&figures));
+        lines += &to_lines(&animation, &figures, is_of_seed)?;
+        if let Some(path) = &arguments.plot {
+            run_folder::write(path, plot(&figures)?)?;
+            println!("wrote {}", path.display());
+        }
+    }
+    println!(
+        "one thread, medians of {} pairs; an update is from the first transform to the first ray; a trace is 800x600 rays of a \
+         picture and two reflections, each with a ray to the light, one by one unless it says batches",
+        arguments.samples
+    );
+    if let Some(path) = &arguments.json {
+        run_folder::write(path, lines)?;
+        println!("wrote {}", path.display());
+    }
+    for problem in &problems {
+        eprintln!("FAILED: {problem}");
+    }
+    Ok(problems.is_empty())
+}
+
+fn animations(arguments: &PaperArgs) -> anyhow::Result<Vec<Animation>> {
+    if arguments.smoke {
+        return Ok(vec![Animation::generated(1, 0.05)?]);
+    }
+    let Some(folder) = &arguments.scenes else {
+        eprintln!("without --scenes or KD_SCENES: generated rooms in place of BART kitchen");
+        let shares = [0.001, 0.01, 0.1];
+        return shares
+            .map(|share| Animation::generated(6, share))
+            .into_iter()
+            .collect();
+    };
+    let kitchen = ["bart_kitchen".to_owned()];
+    let names = if arguments.scene.is_empty() {
+        kitchen.as_slice()
+    } else {
+        arguments.scene.as_slice()
+    };
+    names
+        .iter()
+        .map(|name| Animation::load(&folder.join(name)))
+        .collect()
+}
+
+fn measure_all(
+    animation: &Animation,
+    arguments: &PaperArgs,
+    problems: &mut Vec<String>,
+) -> anyhow::Result<Vec<FrameFigures>> {
+    let mut figures = Vec::new();
+    for (number, (label, frame)) in (1..).zip(&animation.rows) {
+        if !arguments.rows.is_empty() && !arguments.rows.contains(&number) {
+            continue;
+        }
+        eprintln!("{}, {label}", animation.name);
+        let mut bench = Bench::new(animation, *frame, arguments)?;
+        figures.push(bench.measure(label, problems)?);
+    }
+    ensure!(!figures.is_empty(), "there is no such row");
+    Ok(figures)
+}
+
+/// A frame to measure.
+struct Bench<'a> {
+    animation: &'a Animation,
+    frame: usize,
+    repeats: Repeats,
+    with_embree: bool,
+    whole: Arc<Mesh>,
+    best: KdTree,
+    rays: Mirrors,
+    scenes: Vec<(Scene, Vec<PartId>)>,
+}
+
+impl<'a> Bench<'a> {
+    fn new(animation: &'a Animation, frame: usize, arguments: &PaperArgs) -> anyhow::Result<Self> {
+        let whole = Arc::new(animation.whole(frame)?);
+        let best = KdTree::build(Arc::clone(&whole), &builders()[BEST].1)?;
+        let limit = if arguments.smoke {
+            2000
+        } else {
+            arguments.ray_limit
+        };
+        let rays = Mirrors::new(&best, animation.camera(frame), animation.light, limit);
+        let mut scenes = Vec::new();
+        for (_, strategy) in WAYS {
+            let mut scene = Scene::new(builders()[BEST].1.clone());
+            scene.set_strategy(strategy);
+            scene.add_static(Arc::clone(&animation.fixed))?;
+            let groups = animation.groups.iter();
+            let parts = groups.map(|mesh| scene.add_dynamic(Arc::clone(mesh)));
+            let parts = parts.collect::<Result<Vec<_>, _>>()?;
+            animation.set(&mut scene, &parts, animation.before(frame))?;
+            scene.commit()?;
+            scenes.push((scene, parts));
+        }
+        let repeats = Repeats {
+            pairs: arguments.samples,
+            until: Duration::MAX,
+        };
+        Ok(Self {
+            animation,
+            frame,
+            repeats,
+            with_embree: arguments.peers,
+            whole,
+            best,
+            rays,
+            scenes,
+        })
+    }
+
+    fn measure(&mut self, label: &str, problems: &mut Vec<String>) -> anyhow::Result<FrameFigures> {
+        let scale = 1e3 * self.rays.scale;
+        let expected = answers(&Traced::Tree(&self.best), &self.rays);
+        let mut rebuild_ms = [0.0; 3];
+        let (mut rebuild_trace_ms, mut rebuild_batch_ms) = (vec![], vec![]);
+        let mut ways = Vec::new();
+        for (way, (name, _)) in WAYS.into_iter().enumerate() {
+            let mut update_ms = f64::NAN;
+            let mut rebuilds = [f64::NAN; 3];
+            for (place, (_, options)) in builders().iter().enumerate() {
+                // What stands beside merging is told for all builders, other ways for the best one.
+                if way != MERGE && place != BEST {
+                    continue;
+                }
+                let whole = Arc::clone(&self.whole);
+                let pairs = measure::timed_in_pairs(
+                    self.repeats,
+                    || build_seconds(&whole, options),
+                    || self.update(way),
+                )?;
+                rebuilds[place] = median_ratio(&pairs.baseline, &pairs.own);
+                if way == MERGE {
+                    rebuild_ms[place] = 1e3 * median(&pairs.baseline);
+                }
+                update_ms = 1e3 * median(&pairs.own);
+            }
+            let frame = self.scenes[way].0.snapshot();
+            let traced = Traced::Frame(&frame);
+            if answers(&traced, &self.rays) != expected {
+                problems.push(format!("{label}, {name}: other hits than by building anew"));
+            }
+            let pairs = self.trace_pairs(&traced, false);
+            rebuild_trace_ms.push(scale * median(&pairs.baseline));
+            let batched = self.trace_pairs(&traced, true);
+            rebuild_batch_ms.push(scale * median(&batched.baseline));
+            ways.push(WayFigures {
+                update_ms,
+                rebuilds,
+                trace_ms: scale * median(&pairs.own),
+                trace: median_ratio(&pairs.own, &pairs.baseline),
+                batch_ms: scale * median(&batched.own),
+            });
+        }
+        Ok(FrameFigures {
+            label: label.to_owned(),
+            frame: self.frame,
+            dynamic_ms: self.dynamic_ms()?,
+            rebuild_ms,
+            rebuild_trace_ms: median(&rebuild_trace_ms),
+            rebuild_batch_ms: median(&rebuild_batch_ms),
+            ways,
+            embree: if self.with_embree {
+                self.embree(&expected, label, problems)?
+            } else {
+                vec![]
+            },
+        })
+    }
+
+    /// Traces the tree of everything and something else in turn.
+    fn trace_pairs(&self, traced: &Traced<'_>, in_batches: bool) -> measure::Pairs {
+        let best = Traced::Tree(&self.best);
+        let Ok(pairs) = measure::timed_in_pairs(
+            self.repeats,
+            || Ok::<_, Infallible>(best.seconds(&self.rays, in_batches)),
+            || Ok(traced.seconds(&self.rays, in_batches)),
+        );
+        pairs
+    }
+
+    /// From the frame before to this one, in seconds.
+    fn update(&mut self, way: usize) -> anyhow::Result<f64> {
+        let (scene, parts) = &mut self.scenes[way];
+        self.animation
+            .set(scene, parts, self.animation.before(self.frame))?;
+        scene.commit()?;
+        let start = Instant::now();
+        self.animation.set(scene, parts, self.frame)?;
+        black_box(scene.commit()?);
+        Ok(start.elapsed().as_secs_f64())
+    }
+
+    /// What an update by merging builds.
+    fn dynamic_ms(&self) -> anyhow::Result<f64> {
+        let moved = self.animation.moved(self.frame)?;
+        let times = (0..self.repeats.pairs).map(|_| {
+            let start = Instant::now();
+            for mesh in &moved {
+                black_box(WideTree::from_objects(mesh));
+            }
+            1e3 * start.elapsed().as_secs_f64()
+        });
+        Ok(median(&times.collect::<Vec<_>>()))
+    }
+
+    #[cfg(feature = "peers")]
+    fn embree(
+        &mut self,
+        expected: &[Answers],
+        label: &str,
+        problems: &mut Vec<String>,
+    ) -> anyhow::Result<Vec<EmbreeFigures>> {
+        use crate::peers::EmbreeMoving;
+
+        let scale = 1e3 * self.rays.scale;
+        let before = self.animation.moved(self.animation.before(self.frame))?;
+        let now = self.animation.moved(self.frame)?;
+        let [before, now] = [before, now].map(|meshes| concatenated(meshes.iter()));
+        let (before, now) = (before?, now?);
+        let mut all = Vec::new();
+        for (name, following) in EMBREE {
+            let mut embree = EmbreeMoving::new(&self.animation.fixed, &before, following, 1)?;
+            let mut update = || -> anyhow::Result<f64> {
+                embree.update(before.positions())?;
+                let start = Instant::now();
+                embree.update(now.positions())?;
+                Ok(start.elapsed().as_secs_f64())
+            };
+            let mut update_ms = 0.0;
+            let mut our_updates = [0.0; 2];
+            for (place, way) in [MERGE, AUTO].into_iter().enumerate() {
+                let pairs =
+                    measure::timed_in_pairs(self.repeats, &mut update, || self.update(way))?;
+                update_ms = 1e3 * median(&pairs.baseline);
+                our_updates[place] = median_ratio(&pairs.own, &pairs.baseline);
+            }
+            let traced = [false, true].map(|packets| Traced::Embree(&embree, packets));
+            let found = answers(&traced[0], &self.rays);
+            let ppm = disagreement_ppm(expected, &found);
+            if ppm > 1000.0 {
+                problems.push(format!(
+                    "{label}, Embree {name}: {ppm:.0} ppm of rays disagree"
+                ));
+            }
+            let [trace_ms, packets_ms] = [0, 1].map(|place| {
+                let pairs = self.trace_pairs(&traced[place], place == 1);
+                scale * median(&pairs.own)
+            });
+            all.push(EmbreeFigures {
+                update_ms,
+                our_updates,
+                trace_ms,
+                packets_ms,
+            });
+        }
+        Ok(all)
+    }
+
+    #[cfg(not(feature = "peers"))]
+    fn embree(
+        &mut self,
+        _: &[Answers],
+        _: &str,
+        _: &mut Vec<String>,
+    ) -> anyhow::Result<Vec<EmbreeFigures>> {
+        anyhow::bail!("no rival libraries are built in")
+    }
+}
+
+/// Ways in which Embree follows what moves.
+#[cfg(feature = "peers")]
+const EMBREE: [(&str, peers::Following); 3] = [
+    ("rebuild", peers::Following::Rebuild),
+    ("medium", peers::Following::Medium),
+    ("refit", peers::Following::Refit),
+];
+const EMBREE_NAMES: [&str; 3] = ["rebuild", "medium", "refit"];
+const EMBREE_MEDIUM: usize = 1;
+const EMBREE_REFIT: usize = 2;
+
+/// What rays can go through.
+enum Traced<'a> {
+    Tree(&'a KdTree),
+    Frame(&'a FrameData),
+    /// In packets or not.
+    #[cfg(feature = "peers")]
+    Embree(&'a peers::EmbreeMoving, bool),
+}
+
+/// What is known of a batch: the distances of hits, or whether there are any.
+#[derive(Clone, Debug, PartialEq)]
+enum Answers {
+    Closest(Vec<Option<f32>>),
+    Any(Vec<bool>),
+}
+
+impl Traced<'_> {
+    fn seconds(&self, rays: &Mirrors, in_batches: bool) -> f64 {
+        let (mut hits, mut parts, mut flags) = (vec![], vec![], vec![]);
+        let mut seconds = 0.0;
+        for (number, batch) in rays.batches.iter().enumerate() {
+            let (Batch::Closest(all) | Batch::Any(all)) = batch;
+            hits.resize(all.len(), None);
+            parts.resize(all.len(), None);
+            flags.resize(all.len(), false);
+            let start = Instant::now();
+            match batch {
+                Batch::Closest(rays) => {
+                    self.closest(number, in_batches, rays, &mut hits, &mut parts)
+                }
+                Batch::Any(rays) => self.any(number, in_batches, rays, &mut flags),
+            }
+            seconds += start.elapsed().as_secs_f64();
+            black_box((&hits, &parts, &flags));
+        }
+        seconds
+    }
+
+    fn closest(
+        &self,
+        number: usize,
+        in_batches: bool,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        parts: &mut [Option<(PartId, Hit)>],
+    ) {
+        match self {
+            Self::Tree(tree) if in_batches => tree.intersect_batch(rays, hits),
+            Self::Tree(tree) => {
+                for (ray, hit) in rays.iter().zip(hits) {
+                    *hit = tree.intersect(ray);
+                }
+            }
+            Self::Frame(frame) if in_batches => frame.intersect_batch(rays, parts),
+            Self::Frame(frame) => {
+                for (ray, hit) in rays.iter().zip(parts) {
+                    *hit = frame.intersect(ray);
+                }
+            }
+            #[cfg(feature = "peers")]
+            Self::Embree(embree, packets) => embree.closest(*packets && number < 2, rays, hits),
+        }
+        let _ = number;
+    }
+
+    fn any(&self, number: usize, in_batches: bool, rays: &[Ray], flags: &mut [bool]) {
+        match self {
+            Self::Tree(tree) if in_batches => tree.occluded_batch(rays, flags),
+            Self::Tree(tree) => {
+                for (ray, flag) in rays.iter().zip(flags) {
+                    *flag = tree.occluded(ray);
+                }
+            }
+            Self::Frame(frame) if in_batches => frame.occluded_batch(rays, flags),
+            Self::Frame(frame) => {
+                for (ray, flag) in rays.iter().zip(flags) {
+                    *flag = frame.occluded(ray);
+                }
+            }
+            #[cfg(feature = "peers")]
+            Self::Embree(embree, packets) => embree.any(*packets && number < 2, rays, flags),
+        }
+        let _ = number;
+    }
+}
+
+fn answers(traced: &Traced<'_>, rays: &Mirrors) -> Vec<Answers> {
+    let batches = rays.batches.iter().enumerate();
+    let answer = |(number, batch): (usize, &Batch)| match batch {
+        Batch::Closest(rays) => {
+            let (mut hits, mut parts) = (vec![None; rays.len()], vec![None; rays.len()]);
+            traced.closest(number, false, rays, &mut hits, &mut parts);
+            let both = hits.into_iter().zip(parts);
+            let found = both.map(|(hit, part)| hit.or(part.map(|(_, hit)| hit)));
+            Answers::Closest(found.map(|hit| hit.map(|hit| hit.t)).collect())
+        }
+        Batch::Any(rays) => {
+            let mut flags = vec![false; rays.len()];
+            traced.any(number, false, rays, &mut flags);
+            Answers::Any(flags)
+        }
+    };
+    batches.map(answer).collect()
+}
+
+/// Of a million rays, how many hit here and not there, or elsewhere by a thousandth.
+#[cfg(feature = "peers")]
+fn disagreement_ppm(expected: &[Answers], found: &[Answers]) -> f64 {
+    let (mut all, mut differ) = (0_usize, 0_usize);
+    for pair in expected.iter().zip(found) {
+        match pair {
+            (Answers::Closest(a), Answers::Closest(b)) => {
+                all += a.len();
+                let is_other = |(a, b): &(&Option<f32>, &Option<f32>)| match (a, b) {
+                    (Some(a), Some(b)) => (a - b).abs() > 1e-3 * a.abs(),
+                    (a, b) => a.is_some() != b.is_some(),
+                };
+                differ += a.iter().zip(b).filter(is_other).count();
+            }
+            (Answers::Any(a), Answers::Any(b)) => {
+                all += a.len();
+                differ += a.iter().zip(b).filter(|(a, b)| a != b).count();
+            }
+            _ => unreachable!("the same batches"),
+        }
+    }
+    1e6 * differ as f64 / all.max(1) as f64
+}
+
+fn build_seconds(mesh: &Arc<Mesh>, options: &BuildOptions) -> anyhow::Result<f64> {
+    let mesh = Arc::clone(mesh);
+    let start = Instant::now();
+    let tree = KdTree::build(mesh, options)?;
+    let seconds = start.elapsed().as_secs_f64();
+    drop(tree);
+    Ok(seconds)
+}
+
+/// Milliseconds, and those of the paper beside them.
+fn times(figures: &[FrameFigures], is_of_seed: bool) -> String {
+    let mut head: Vec<String> = ["row", "frame", "copy", "dynamic", "merge", "trace"]
+        .map(String::from)
+        .into();
+    head.extend(["best", "trace", "balanced", "fast"].map(String::from));
+    if is_of_seed {
+        let seed = ["copy", "dynamic", "merge", "trace", "rebuild", "trace"];
+        head.extend(seed.map(|name| format!("seed {name}")));
+    }
+    let mut table = terminal::empty_table(head);
+    for (number, figures) in figures.iter().enumerate() {
+        let way = &figures.ways[MERGE];
+        let merge_ms = way.update_ms - figures.dynamic_ms;
+        let [best, balanced, fast] = figures.rebuild_ms;
+        let mut cells = vec![figures.label.clone(), figures.frame.to_string(), "0".into()];
+        cells.extend([figures.dynamic_ms, merge_ms].map(|ms| format!("{ms:.2}")));
+        let others = [way.trace_ms, best, figures.rebuild_trace_ms, balanced, fast];
+        cells.extend(others.map(|ms| format!("{ms:.0}")));
+        let seed = SEED
+            .iter()
+            .find(|(row, _)| is_of_seed && row.to_string() == figures.label);
+        if let Some((_, seed)) = seed {
+            cells.extend(seed.map(|ms| format!("{ms:.0}")));
+        }
+        let _ = number;
+        table.add_row(cells);
+    }
+    terminal::align_right(&mut table, 1);
+    format!("milliseconds\n{table}")
+}
+
+/// Ratios with their goals.
+fn ratios(figures: &[FrameFigures]) -> Table {
+    let mut rows = Vec::new();
+    let mut row = |name: String, goal: Goal, value: &dyn Fn(&FrameFigures) -> Option<f64>| {
+        let values = figures.iter().map(value).collect();
+        let of_all = match goal {
+            Goal::AtMost(_) => maximum,
+            Goal::AtLeast(_) => minimum,
+            Goal::None => crate::goals::geometric_mean,
+        };
+        rows.push(Row::new(name, goal, values, of_all));
+    };
+    row(
+        "merge: updates in the time of `best`".into(),
+        Goal::AtLeast(25.0),
+        &|f| Some(f.ways[MERGE].rebuilds[BEST]),
+    );
+    row(
+        "merge: updates in the time of `fast`".into(),
+        Goal::AtLeast(6.0),
+        &|f| Some(f.ways[MERGE].rebuilds[FAST]),
+    );
+    for (way, (name, _)) in WAYS.iter().enumerate() {
+        let goal = if way == MERGE {
+            Goal::AtMost(1.02)
+        } else {
+            Goal::None
+        };
+        row(format!("{name}: time of rays / `best`"), goal, &|f| {
+            Some(f.ways[way].trace)
+        });
+    }
+    for (way, (name, _)) in WAYS.iter().enumerate() {
+        row(format!("{name}: update, ms"), Goal::None, &|f| {
+            Some(f.ways[way].update_ms)
+        });
+    }
+    if figures.iter().any(|figures| !figures.embree.is_empty()) {
+        row(
+            "merge: update / Embree's, medium".into(),
+            Goal::AtMost(1.0),
+            &|f| Some(f.embree[EMBREE_MEDIUM].our_updates[0]),
+        );
+        row(
+            "auto: update / Embree's, refit".into(),
+            Goal::AtMost(1.0),
+            &|f| Some(f.embree[EMBREE_REFIT].our_updates[1]),
+        );
+        row(
+            "auto: best total of Embree, single / ours".into(),
+            Goal::AtLeast(1.4),
+            &|f| {
+                let embree = f.embree.iter().map(|e| e.update_ms + e.trace_ms);
+                Some(
+                    minimum(&embree.collect::<Vec<_>>())
+                        / (f.ways[AUTO].update_ms + f.ways[AUTO].trace_ms),
+                )
+            },
+        );
+        row(
+            "auto: best total of Embree, packets / ours, batches".into(),
+            Goal::AtLeast(1.2),
+            &|f| {
+                let embree = f.embree.iter().map(|e| e.update_ms + e.packets_ms);
+                Some(
+                    minimum(&embree.collect::<Vec<_>>())
+                        / (f.ways[AUTO].update_ms + f.ways[AUTO].batch_ms),
+                )
+            },
+        );
+        for (place, name) in EMBREE_NAMES.into_iter().enumerate() {
+            row(format!("Embree {name}: update, ms"), Goal::None, &|f| {
+                Some(f.embree[place].update_ms)
+            });
+            row(format!("Embree {name}: trace, ms"), Goal::None, &|f| {
+                Some(f.embree[place].trace_ms)
+            });
+            row(
+                format!("Embree {name}: trace in packets, ms"),
+                Goal::None,
+                &|f| Some(f.embree[place].packets_ms),
+            );
+        }
+    }
+    row("`best`: trace, ms".into(), Goal::None, &|f| {
+        Some(f.rebuild_trace_ms)
+    });
+    row("`best`: trace in batches, ms".into(), Goal::None, &|f| {
+        Some(f.rebuild_batch_ms)
+    });
+    Table {
+        scenes: figures
+            .iter()
+            .map(|figures| figures.label.clone())
+            .collect(),
+        rows,
+    }
+}
+
+fn to_lines(
+    animation: &Animation,
+    figures: &[FrameFigures],
+    is_of_seed: bool,
+) -> anyhow::Result<String> {
+    let mut lines = String::new();
+    for figures in figures {
+        let seed = SEED
+            .iter()
+            .find(|(row, _)| is_of_seed && row.to_string() == figures.label);
+        let seed = seed.map_or(Value::Null, |(frame, ms)| {
+            json!({
+                "frame": frame, "copy_ms": ms[0], "dynamic_ms": ms[1], "merge_ms": ms[2], "trace_ms": ms[3],
+                "rebuild_ms": ms[4], "rebuild_trace_ms": ms[5],
+            })
+        });
+        for ((name, _), way) in WAYS.iter().zip(&figures.ways) {
+            let builds = matches!(*name, "merge" | "dual");
+            let dynamic_ms = if builds { figures.dynamic_ms } else { 0.0 };
+            let mut ours = json!({
+                "scene": animation.name,
+                "frame": figures.frame,
+                "strategy": name,
+                "copy_ms": 0.0,
+                "dynamic_ms": dynamic_ms,
+                "merge_ms": way.update_ms - dynamic_ms,
+                "trace_ms": way.trace_ms,
+                "trace_batch_ms": way.batch_ms,
+                "trace_over_best": way.trace,
+                "rebuild_best_ms": figures.rebuild_ms[0],
+                "rebuild_balanced_ms": figures.rebuild_ms[1],
+                "rebuild_fast_ms": figures.rebuild_ms[2],
+                "rebuild_trace_ms": figures.rebuild_trace_ms,
+            });
+            let fields = ours.as_object_mut().context("an object")?;
+            for (name, embree) in EMBREE_NAMES.iter().zip(&figures.embree) {
+                fields.insert(format!("embree_{name}_update_ms"), embree.update_ms.into());
+                fields.insert(format!("embree_{name}_trace_ms"), embree.trace_ms.into());
+            }
+            let following = match *name {
+                "merge" | "dual" => EMBREE_MEDIUM,
+                _ => EMBREE_REFIT,
+            };
+            if let Some(embree) = figures.embree.get(following) {
+                fields.insert("embree_update_ms".into(), embree.update_ms.into());
+                fields.insert("embree_trace_ms".into(), embree.trace_ms.into());
+            }
+            let line = json!({
+                "table": "merge-table", "row": figures.label, "seed": seed, "ours": ours,
+            });
+            lines += &serde_json::to_string(&line)?;
+            lines.push('\n');
+        }
+    }
+    Ok(lines)
+}
+
+/// By row: updates in milliseconds, and times of rays over `best` in percent.
+fn plot(figures: &[FrameFigures]) -> anyhow::Result<String> {
+    let line = |value: &dyn Fn(&FrameFigures) -> f64| -> Vec<(f64, f64)> {
+        (1..)
+            .map(f64::from)
+            .zip(figures.iter().map(value))
+            .collect()
+    };
+    let mut lines = Vec::new();
+    for (way, (name, _)) in WAYS.iter().enumerate() {
+        lines.push((
+            format!("{name}: update, ms"),
+            line(&|f| f.ways[way].update_ms),
+        ));
+    }
+    for way in [MERGE, 3, 4] {
+        let name = format!("{}: rays, % of best", WAYS[way].0);
+        lines.push((name, line(&|f| 100.0 * f.ways[way].trace)));
+    }
+    let plot = LinePlot {
+        x_axis: "row",
+        y_axis: "milliseconds, or percent",
+        lines,
+    };
+    plot.to_svg()
+}
