@@ -97,16 +97,6 @@ impl Block {
         }
     }
 
-    /// The area of all triangles.
-    pub(crate) fn area(&self) -> f32 {
-        let lanes = 0..self.count() as usize;
-        let areas = lanes.map(|lane| {
-            let [a, b, c] = self.corners_of(lane);
-            0.5 * (b - a).cross(c - a).length()
-        });
-        areas.sum()
-    }
-
     #[inline(always)]
     pub(crate) fn corners_of(&self, lane: usize) -> [Vec3; 3] {
         self.corners

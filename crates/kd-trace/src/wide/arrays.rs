@@ -12,7 +12,6 @@ pub(crate) mod parts;
 mod refit;
 
 pub(crate) use parts::Part;
-pub use refit::PartCost;
 
 /// All nodes and blocks of a tree: every child of a node, and the root, is one of its nodes or lies within its blocks.
 ///

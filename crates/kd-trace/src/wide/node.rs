@@ -142,7 +142,7 @@ impl WideNode {
                 if twice.is_finite() { twice } else { 0.0 }
             })
         });
-        for (octant, order) in self.orders.iter_mut().enumerate() {
+        for octant in 0..4 {
             let mut along = [0.0; WIDTH];
             for (axis, centers) in centers.iter().enumerate() {
                 let sign = if octant >> axis & 1 == 0 { 1.0 } else { -1.0 };
@@ -159,7 +159,9 @@ impl WideNode {
                     at -= 1;
                 }
             }
-            *order = lanes.iter().rev().fold(0, |order, lane| order << 3 | lane);
+            // The other way round for the opposite octant.
+            self.orders[octant] = lanes.iter().rev().fold(0, |order, lane| order << 3 | lane);
+            self.orders[7 - octant] = lanes.iter().fold(0, |order, lane| order << 3 | lane);
         }
     }
 
@@ -196,6 +198,28 @@ mod tests {
         let back = 3_usize.wrapping_neg();
         assert_eq!(Child::node(7).moved(back, 0), Child::node(4), "back");
         assert_eq!(Child::NOTHING.moved(5, 1), Child::NOTHING, "nothing");
+    }
+
+    #[test]
+    fn nearer_centers_come_later() {
+        let mut node = WideNode::EMPTY;
+        for (lane, x) in [3.0_f32, -1.0, 2.0].into_iter().enumerate() {
+            let corner = glam::Vec3::new(x, 0.0, 0.0);
+            let bounds = Aabb {
+                min: corner,
+                max: corner + 1.0,
+            };
+            node.set(lane, &bounds, Child::leaf(0, 1));
+        }
+        node.order_by_centers();
+        for octant in 0..8 {
+            let order = node.orders[octant];
+            let lanes = (0..8).map(|place| order >> (3 * place) & 7);
+            let met: Vec<u32> = lanes.filter(|lane| *lane < 3).collect();
+            let upwards = octant & 1 == 0;
+            let expected = if upwards { [0, 2, 1] } else { [1, 2, 0] };
+            assert_eq!(met, expected, "octant {octant}, from far to near");
+        }
     }
 
     #[test]

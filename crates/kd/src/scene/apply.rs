@@ -167,7 +167,9 @@ impl Scene {
                 Nodes::New(_) => {
                     let key = part.key();
                     let cost = groves.iter().find_map(|grove| grove.cost(&key));
-                    cost.expect("it was just planted").per_surface()
+                    let cost = cost.expect("it was just planted");
+                    let scale = part.area_scale();
+                    if scale > 0.0 { cost / scale } else { cost }
                 }
             };
             self.parts[place].cost = cost;
@@ -219,12 +221,8 @@ impl Scene {
             let key = part.key();
             let now = groves.iter().find_map(|grove| grove.cost(&key));
             let now = now.expect("it is in the frame");
-            let more = now.cost - part.cost * now.surface;
-            let visits = if area > 0.0 {
-                more.max(0.0) / area
-            } else {
-                0.0
-            };
+            let more = (now - part.cost * part.area_scale()).max(0.0);
+            let visits = if area > 0.0 { more / area } else { 0.0 };
             #[allow(clippy::cast_precision_loss, reason = "an estimate")]
             let rays_lose_ns = self.ray_budget as f64 * visits * NODE_NS;
             let building_takes_ns = BUILD_NS * change.triangles as f64;

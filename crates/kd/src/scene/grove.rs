@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kd_core::Mesh;
-use kd_trace::{PartCost, WideForest, WideTree};
+use kd_trace::{WideForest, WideTree};
 
 use super::PartId;
 
@@ -61,7 +61,7 @@ impl Grove {
     }
 
     /// What a part costs, which is here.
-    pub(super) fn cost(&self, key: &Key) -> Option<PartCost> {
+    pub(super) fn cost(&self, key: &Key) -> Option<f64> {
         Some(self.forest.cost(self.position(key)?))
     }
 

@@ -43,7 +43,8 @@ pub(super) struct Part {
     /// The commits that made its nodes, and that put its triangles where they are.
     pub(super) built: u64,
     pub(super) moved: u64,
-    /// What the nodes were worth when they were made: see [`WideForest::cost`](kd_trace::WideForest::cost).
+    /// What the nodes cost when they were made ([`WideForest::cost`](kd_trace::WideForest::cost)), if the transform scaled no
+    /// lengths.
     pub(super) cost: f64,
 }
 
@@ -66,6 +67,12 @@ impl Part {
             moved: 0,
             cost: 0.0,
         }
+    }
+
+    /// How much the transform scales areas.
+    pub(super) fn area_scale(&self) -> f64 {
+        let volume = f64::from(self.transform.matrix3.determinant().abs());
+        volume.powf(2.0 / 3.0)
     }
 
     /// Which nodes it has.

@@ -6,28 +6,6 @@ use super::Arrays;
 use crate::wide::collapse;
 use crate::wide::node::{Child, WIDTH};
 
-/// What it costs rays to go through a part, by the surface area heuristic.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PartCost {
-    /// Half areas of the boxes of all nodes and leaves below the root, each times what a ray takes that enters it, in visits
-    /// of a node. Over the half area of a scene, it is what a random ray through that takes on average.
-    pub cost: f64,
-    /// The area of all triangles. (Twice those that are in two leaves.) What only moves, turns or is scaled keeps its cost
-    /// for each unit of this, as far as boxes remain as tight.
-    pub surface: f64,
-}
-
-impl PartCost {
-    /// The cost for each unit of surface; 0 without any.
-    pub fn per_surface(&self) -> f64 {
-        if self.surface > 0.0 {
-            self.cost / self.surface
-        } else {
-            0.0
-        }
-    }
-}
-
 impl Arrays {
     /// Gives the triangles of a part, numbered from `first_slot` on, the corners they have in `mesh`, and makes its boxes
     /// fit. The top is dropped.
@@ -67,11 +45,11 @@ impl Arrays {
         }
     }
 
-    /// The SAH cost of a part.
-    pub(crate) fn cost_of_part(&self, number: usize) -> PartCost {
-        let part = &self.parts[number];
+    /// The SAH cost of a part below its root: half areas of boxes, each times what a ray takes that enters it (see
+    /// [`collapse`]).
+    pub(crate) fn cost_of_part(&self, number: usize) -> f64 {
         let mut cost = 0.0;
-        for node in &self.nodes[part.nodes()] {
+        for node in &self.nodes[self.parts[number].nodes()] {
             for lane in node.lanes() {
                 let child = node.children[lane];
                 let blocks = if child.is_leaf() {
@@ -82,10 +60,6 @@ impl Arrays {
                 cost += node.bounds(lane).half_area() * f64::from(collapse::visit(blocks));
             }
         }
-        let blocks = self.blocks[part.blocks()].iter();
-        PartCost {
-            cost,
-            surface: blocks.map(|block| f64::from(block.area())).sum(),
-        }
+        cost
     }
 }
