@@ -21,7 +21,7 @@ use super::box_tree::{Added, BoxTree, Item};
 use super::object_split::ObjectSplit;
 
 /// So many triangles are not divided.
-const FEW: usize = 4;
+const FEW: usize = 8;
 /// Objects are divided in place of a cell where that costs less than so much of what the plane does. (At 1 rays are a little
 /// slower in rooms.)
 const CHEAPER: f64 = 0.9;

@@ -12,6 +12,9 @@ const BINS: usize = 16;
 const BINS_OF_FEW: usize = 8;
 const FEW: usize = 24;
 
+/// Adding it leaves the nearest integer in the lowest bits.
+const TO_INTEGER: f32 = (1 << 23) as f32;
+
 /// A division of items by the bins of their centres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ObjectSplit {
@@ -34,10 +37,15 @@ impl Bins {
     /// Which bins an item is in. Where an axis has no extent, or overflows, that may be any, `BINS` being a power of two.
     #[inline(always)]
     fn of(&self, item: &Item, most: u32) -> [u32; 3] {
-        /// Adding it leaves the nearest integer in the lowest bits.
-        const TO_INTEGER: f32 = (1 << 23) as f32;
         let place = (item.min + item.max - self.start) * self.per_unit + TO_INTEGER;
         place.to_array().map(|place| place.to_bits() & most)
+    }
+
+    /// Which bin of one axis an item is in.
+    #[inline(always)]
+    fn of_axis(&self, item: &Item, axis: usize, most: u32) -> u32 {
+        let place = (item.min[axis] + item.max[axis] - self.start[axis]) * self.per_unit[axis];
+        (place + TO_INTEGER).to_bits() & most
     }
 }
 
@@ -125,12 +133,13 @@ impl ObjectSplit {
     /// Moves the lower part to the front, and tells how many items that are: some, and not all.
     pub(crate) fn apply(&self, items: &mut [Item]) -> usize {
         let last = most_bin(items);
+        let axis = self.axis.index();
         let mut lower = 0;
         for at in 0..items.len() {
-            if self.bins.of(&items[at], last)[self.axis.index()] < self.first_upper {
-                items.swap(at, lower);
-                lower += 1;
-            }
+            let is_lower = self.bins.of_axis(&items[at], axis, last) < self.first_upper;
+            // Always swapped, and counted or not: whether it is lower is anybody's guess, a processor's too.
+            items.swap(at, lower);
+            lower += usize::from(is_lower);
         }
         lower
     }
