@@ -2,6 +2,7 @@
 
 mod merge_table;
 mod mirrors;
+mod traced;
 
 use std::path::PathBuf;
 
@@ -20,7 +21,7 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "DIR", env = "KD_SCENES")]
     scenes: Option<PathBuf>,
 
-    /// Only these animations [default with --scenes: bart_kitchen]
+    /// Only these animations [default with --scenes: BART kitchen]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     scene: Vec<String>,
 

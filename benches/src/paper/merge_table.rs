@@ -7,13 +7,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, ensure};
-use kd::{BuildOptions, FrameData, Hit, KdTree, MergeMethod, Mesh, PartId, Ray, Scene, Strategy};
+use kd::{BuildOptions, KdTree, MergeMethod, Mesh, PartId, Scene, Strategy};
 use kd_trace::WideTree;
 use serde_json::{Value, json};
 
 use super::PaperArgs;
-use super::mirrors::{Batch, Mirrors};
-use crate::animation::{Animation, concatenated};
+use super::mirrors::Mirrors;
+use super::traced::{Answers, Traced};
+use crate::animation::Animation;
 use crate::goals::{Goal, Row, Table, maximum, minimum};
 use crate::measure::{self, Repeats};
 use crate::peers;
@@ -228,7 +229,7 @@ impl<'a> Bench<'a> {
 
     fn measure(&mut self, label: &str, problems: &mut Vec<String>) -> anyhow::Result<FrameFigures> {
         let scale = 1e3 * self.rays.scale;
-        let expected = answers(&Traced::Tree(&self.best), &self.rays);
+        let expected = Traced::Tree(&self.best).answers(&self.rays);
         let mut rebuild_ms = [0.0; 3];
         let (mut rebuild_trace_ms, mut rebuild_batch_ms) = (vec![], vec![]);
         let mut ways = Vec::new();
@@ -254,7 +255,7 @@ impl<'a> Bench<'a> {
             }
             let frame = self.scenes[way].0.snapshot();
             let traced = Traced::Frame(&frame);
-            if answers(&traced, &self.rays) != expected {
+            if traced.answers(&self.rays) != expected {
                 problems.push(format!("{label}, {name}: other hits than by building anew"));
             }
             let pairs = self.trace_pairs(&traced, false);
@@ -328,6 +329,8 @@ impl<'a> Bench<'a> {
         label: &str,
         problems: &mut Vec<String>,
     ) -> anyhow::Result<Vec<EmbreeFigures>> {
+        use super::traced::disagreement_ppm;
+        use crate::animation::concatenated;
         use crate::peers::EmbreeMoving;
 
         let scale = 1e3 * self.rays.scale;
@@ -352,16 +355,16 @@ impl<'a> Bench<'a> {
                 update_ms = 1e3 * median(&pairs.baseline);
                 our_updates[place] = median_ratio(&pairs.own, &pairs.baseline);
             }
-            let traced = [false, true].map(|packets| Traced::Embree(&embree, packets));
-            let found = answers(&traced[0], &self.rays);
+            let traced = Traced::Embree(&embree);
+            let found = traced.answers(&self.rays);
             let ppm = disagreement_ppm(expected, &found);
             if ppm > 1000.0 {
                 problems.push(format!(
                     "{label}, Embree {name}: {ppm:.0} ppm of rays disagree"
                 ));
             }
-            let [trace_ms, packets_ms] = [0, 1].map(|place| {
-                let pairs = self.trace_pairs(&traced[place], place == 1);
+            let [trace_ms, packets_ms] = [false, true].map(|in_packets| {
+                let pairs = self.trace_pairs(&traced, in_packets);
                 scale * median(&pairs.own)
             });
             all.push(EmbreeFigures {
@@ -396,135 +399,6 @@ const EMBREE_NAMES: [&str; 3] = ["rebuild", "medium", "refit"];
 const EMBREE_MEDIUM: usize = 1;
 const EMBREE_REFIT: usize = 2;
 
-/// What rays can go through.
-enum Traced<'a> {
-    Tree(&'a KdTree),
-    Frame(&'a FrameData),
-    /// In packets or not.
-    #[cfg(feature = "peers")]
-    Embree(&'a peers::EmbreeMoving, bool),
-}
-
-/// What is known of a batch: the distances of hits, or whether there are any.
-#[derive(Clone, Debug, PartialEq)]
-enum Answers {
-    Closest(Vec<Option<f32>>),
-    Any(Vec<bool>),
-}
-
-impl Traced<'_> {
-    fn seconds(&self, rays: &Mirrors, in_batches: bool) -> f64 {
-        let (mut hits, mut parts, mut flags) = (vec![], vec![], vec![]);
-        let mut seconds = 0.0;
-        for (number, batch) in rays.batches.iter().enumerate() {
-            let (Batch::Closest(all) | Batch::Any(all)) = batch;
-            hits.resize(all.len(), None);
-            parts.resize(all.len(), None);
-            flags.resize(all.len(), false);
-            let start = Instant::now();
-            match batch {
-                Batch::Closest(rays) => {
-                    self.closest(number, in_batches, rays, &mut hits, &mut parts)
-                }
-                Batch::Any(rays) => self.any(number, in_batches, rays, &mut flags),
-            }
-            seconds += start.elapsed().as_secs_f64();
-            black_box((&hits, &parts, &flags));
-        }
-        seconds
-    }
-
-    fn closest(
-        &self,
-        number: usize,
-        in_batches: bool,
-        rays: &[Ray],
-        hits: &mut [Option<Hit>],
-        parts: &mut [Option<(PartId, Hit)>],
-    ) {
-        match self {
-            Self::Tree(tree) if in_batches => tree.intersect_batch(rays, hits),
-            Self::Tree(tree) => {
-                for (ray, hit) in rays.iter().zip(hits) {
-                    *hit = tree.intersect(ray);
-                }
-            }
-            Self::Frame(frame) if in_batches => frame.intersect_batch(rays, parts),
-            Self::Frame(frame) => {
-                for (ray, hit) in rays.iter().zip(parts) {
-                    *hit = frame.intersect(ray);
-                }
-            }
-            #[cfg(feature = "peers")]
-            Self::Embree(embree, packets) => embree.closest(*packets && number < 2, rays, hits),
-        }
-        let _ = number;
-    }
-
-    fn any(&self, number: usize, in_batches: bool, rays: &[Ray], flags: &mut [bool]) {
-        match self {
-            Self::Tree(tree) if in_batches => tree.occluded_batch(rays, flags),
-            Self::Tree(tree) => {
-                for (ray, flag) in rays.iter().zip(flags) {
-                    *flag = tree.occluded(ray);
-                }
-            }
-            Self::Frame(frame) if in_batches => frame.occluded_batch(rays, flags),
-            Self::Frame(frame) => {
-                for (ray, flag) in rays.iter().zip(flags) {
-                    *flag = frame.occluded(ray);
-                }
-            }
-            #[cfg(feature = "peers")]
-            Self::Embree(embree, packets) => embree.any(*packets && number < 2, rays, flags),
-        }
-        let _ = number;
-    }
-}
-
-fn answers(traced: &Traced<'_>, rays: &Mirrors) -> Vec<Answers> {
-    let batches = rays.batches.iter().enumerate();
-    let answer = |(number, batch): (usize, &Batch)| match batch {
-        Batch::Closest(rays) => {
-            let (mut hits, mut parts) = (vec![None; rays.len()], vec![None; rays.len()]);
-            traced.closest(number, false, rays, &mut hits, &mut parts);
-            let both = hits.into_iter().zip(parts);
-            let found = both.map(|(hit, part)| hit.or(part.map(|(_, hit)| hit)));
-            Answers::Closest(found.map(|hit| hit.map(|hit| hit.t)).collect())
-        }
-        Batch::Any(rays) => {
-            let mut flags = vec![false; rays.len()];
-            traced.any(number, false, rays, &mut flags);
-            Answers::Any(flags)
-        }
-    };
-    batches.map(answer).collect()
-}
-
-/// Of a million rays, how many hit here and not there, or elsewhere by a thousandth.
-#[cfg(feature = "peers")]
-fn disagreement_ppm(expected: &[Answers], found: &[Answers]) -> f64 {
-    let (mut all, mut differ) = (0_usize, 0_usize);
-    for pair in expected.iter().zip(found) {
-        match pair {
-            (Answers::Closest(a), Answers::Closest(b)) => {
-                all += a.len();
-                let is_other = |(a, b): &(&Option<f32>, &Option<f32>)| match (a, b) {
-                    (Some(a), Some(b)) => (a - b).abs() > 1e-3 * a.abs(),
-                    (a, b) => a.is_some() != b.is_some(),
-                };
-                differ += a.iter().zip(b).filter(is_other).count();
-            }
-            (Answers::Any(a), Answers::Any(b)) => {
-                all += a.len();
-                differ += a.iter().zip(b).filter(|(a, b)| a != b).count();
-            }
-            _ => unreachable!("the same batches"),
-        }
-    }
-    1e6 * differ as f64 / all.max(1) as f64
-}
-
 fn build_seconds(mesh: &Arc<Mesh>, options: &BuildOptions) -> anyhow::Result<f64> {
     let mesh = Arc::clone(mesh);
     let start = Instant::now();
@@ -545,7 +419,7 @@ fn times(figures: &[FrameFigures], is_of_seed: bool) -> String {
         head.extend(seed.map(|name| format!("seed {name}")));
     }
     let mut table = terminal::empty_table(head);
-    for (number, figures) in figures.iter().enumerate() {
+    for figures in figures {
         let way = &figures.ways[MERGE];
         let merge_ms = way.update_ms - figures.dynamic_ms;
         let [best, balanced, fast] = figures.rebuild_ms;
@@ -559,7 +433,6 @@ fn times(figures: &[FrameFigures], is_of_seed: bool) -> String {
         if let Some((_, seed)) = seed {
             cells.extend(seed.map(|ms| format!("{ms:.0}")));
         }
-        let _ = number;
         table.add_row(cells);
     }
     terminal::align_right(&mut table, 1);

@@ -100,7 +100,10 @@ impl WideTree {
     /// As [`new`](Self::new).
     pub fn best(tree: &Tree, mesh: &Mesh, is_parallel: bool) -> Self {
         let by_planes = || boxes_of(tree, mesh, None, is_parallel);
-        let by_objects = || boxes_of_objects(mesh, &tree.bounds(), triangles_of(tree, mesh.len()));
+        let by_objects = || {
+            let is_there = triangles_of(tree, mesh.len());
+            boxes_of_objects(mesh, &tree.bounds(), is_there, is_parallel)
+        };
         #[cfg(feature = "parallel")]
         let (planes, objects) = if is_parallel {
             rayon::join(by_planes, by_objects)
@@ -122,8 +125,19 @@ impl WideTree {
     /// For meshes of up to a thousand triangles it is what [`new`](Self::new) makes; larger ones trace somewhat slower. It
     /// takes a fraction of the time of building a kd-tree, which is what pays for a mesh that is another one soon.
     pub fn from_objects(mesh: &Mesh) -> Self {
-        let (boxes, _) = boxes_of_objects(mesh, &mesh.bounds(), vec![true; mesh.len()]);
-        Self::of_boxes(&boxes, mesh, &mesh.bounds(), false)
+        Self::with_objects(mesh, false)
+    }
+
+    /// [`from_objects`](Self::from_objects) on the threads of the pool in scope (rayon's). The result is the same.
+    #[cfg(feature = "parallel")]
+    pub fn from_objects_parallel(mesh: &Mesh) -> Self {
+        Self::with_objects(mesh, true)
+    }
+
+    fn with_objects(mesh: &Mesh, is_parallel: bool) -> Self {
+        let is_there = vec![true; mesh.len()];
+        let (boxes, _) = boxes_of_objects(mesh, &mesh.bounds(), is_there, is_parallel);
+        Self::of_boxes(&boxes, mesh, &mesh.bounds(), is_parallel)
     }
 
     fn of_boxes(boxes: &BoxTree, mesh: &Mesh, bounds: &Aabb, is_parallel: bool) -> Self {
@@ -281,13 +295,13 @@ fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: 
 }
 
 /// The boxes of some triangles of a mesh, all within `bounds`, divided as objects.
-fn boxes_of_objects(mesh: &Mesh, bounds: &Aabb, is_there: Vec<bool>) -> Costed {
+fn boxes_of_objects(mesh: &Mesh, bounds: &Aabb, is_there: Vec<bool>, is_parallel: bool) -> Costed {
     let mut boxes = BoxTree::new(Leaves::Triangles);
     let mut items = items_of(mesh, is_there);
     if items.is_empty() {
         return (boxes, 0.0);
     }
-    let root = by_objects(&mut items, 0, per_area(bounds), &mut boxes);
+    let root = by_objects(&mut items, 0, per_area(bounds), is_parallel, &mut boxes);
     (boxes, root.cost())
 }
 

@@ -31,10 +31,10 @@ impl Traced {
     /// As a tree is laid out that was built with these options: on one thread if it was built on one, and with as much care.
     pub(crate) fn of_options(tree: &Tree, mesh: &Mesh, options: &BuildOptions) -> Self {
         let is_parallel = options.threads() != 1;
-        // All three give the same tree, and take long.
+        // All of these give the same tree, and take long.
         let is_exact = matches!(
             options.method(),
-            Method::Exact | Method::Resort | Method::Naive
+            Method::Exact | Method::Sweep | Method::Resort | Method::Naive
         );
         match options.layout() {
             Layout::Wide if is_exact => Self::Wide(WideTree::best(tree, mesh, is_parallel)),

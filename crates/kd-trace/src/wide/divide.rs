@@ -33,6 +33,9 @@ pub(crate) const MOST_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
 /// Cells of so many triangles are worth a task.
 #[cfg(feature = "parallel")]
 const TASK: usize = 1 << 14;
+/// So many triangles are, where they are divided as objects: some hundreds of microseconds.
+#[cfg(feature = "parallel")]
+const OBJECT_TASK: usize = 1 << 11;
 
 /// One over the half area of a box, or 0 if that is none.
 pub(crate) fn per_area(bounds: &Aabb) -> f64 {
@@ -67,10 +70,10 @@ impl Divider<'_> {
         loop {
             let node = self.tree.nodes()[at.index()].view();
             let NodeView::Interior { axis, split, first } = node else {
-                return by_objects(&mut items, divisions, self.per_area, to);
+                return self.by_objects(&mut items, divisions, to);
             };
             if items.len() <= self.planes_above {
-                return by_objects(&mut items, divisions, self.per_area, to);
+                return self.by_objects(&mut items, divisions, to);
             }
             let sides = Sides::of(&items, axis, split, self.mesh);
             if let Some(objects) = self.cheaper_objects(&items, &sides, divisions) {
@@ -89,6 +92,11 @@ impl Divider<'_> {
                 return self.split(axis, parts, divisions, to);
             };
         }
+    }
+
+    /// Cells are a task where planes divide them, and seldom large enough to be one here.
+    fn by_objects(&self, items: &mut [Item], divisions: usize, to: &mut BoxTree) -> Added {
+        by_objects(items, divisions, self.per_area, false, to)
     }
 
     /// A division as objects that costs less than one by a plane.
@@ -132,6 +140,7 @@ pub(crate) fn by_objects(
     items: &mut [Item],
     divisions: usize,
     per_area: f64,
+    is_parallel: bool,
     to: &mut BoxTree,
 ) -> Added {
     let division = (items.len() > FEW)
@@ -147,7 +156,18 @@ pub(crate) fn by_objects(
         items.len() / 2
     };
     let (lower, upper) = items.split_at_mut(middle);
-    let parts = [lower, upper].map(|part| by_objects(part, divisions + 1, per_area, to));
+    let divisions = divisions + 1;
+    #[cfg(feature = "parallel")]
+    if is_parallel && lower.len().min(upper.len()) >= OBJECT_TASK {
+        let mut other = BoxTree::new(Leaves::Triangles);
+        let (lower, added) = rayon::join(
+            || by_objects(lower, divisions, per_area, true, to),
+            || by_objects(upper, divisions, per_area, true, &mut other),
+        );
+        let upper = to.append(&other, added);
+        return to.set_split(place, division.axis, [lower, upper], per_area);
+    }
+    let parts = [lower, upper].map(|part| by_objects(part, divisions, per_area, is_parallel, to));
     to.set_split(place, division.axis, parts, per_area)
 }
 

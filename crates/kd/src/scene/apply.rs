@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use kd_core::{Aabb, Mesh};
-use kd_trace::{Join, Joined, WideTree};
-use smallvec::SmallVec;
+use kd_trace::{Join, Joined};
 
 use super::frame::{FrameData, FramePart, Shape};
 use super::grove::{From, Grove, Wanted};
@@ -118,7 +117,7 @@ impl Scene {
                 self.parts[place].built = self.commits;
             }
         }
-        let mut wanted: SmallVec<[Vec<Wanted<'_>>; 2]> = SmallVec::new();
+        let mut wanted: Vec<Vec<Wanted<'_>>> = Vec::new();
         wanted.resize_with(
             if self.strategy == Strategy::Dual {
                 2
@@ -144,12 +143,10 @@ impl Scene {
         }
         let own = Arc::get_mut(&mut self.front).map(|front| std::mem::take(&mut front.shape));
         let (mut groves, before) = match own {
-            Some(Shape::Groves(groves)) if groves.len() == wanted.len() => {
-                (groves, SmallVec::new())
-            }
+            Some(Shape::Groves(groves)) if groves.len() == wanted.len() => (groves, Vec::new()),
             Some(Shape::Groves(groves)) => (new_groves(wanted.len()), groves),
-            Some(Shape::Whole(_)) => (new_groves(wanted.len()), SmallVec::new()),
-            None => (self.take_back(wanted.len()), SmallVec::new()),
+            Some(Shape::Whole(_)) => (new_groves(wanted.len()), Vec::new()),
+            None => (self.take_back(wanted.len()), Vec::new()),
         };
         let front = match &self.front.shape {
             Shape::Groves(groves) => groves.as_slice(),
@@ -178,7 +175,7 @@ impl Scene {
     }
 
     /// So many groves of a frame that nobody looks at any more, or new ones.
-    fn take_back(&mut self, count: usize) -> SmallVec<[Grove; 2]> {
+    fn take_back(&mut self, count: usize) -> Vec<Grove> {
         let back = self.back.take().and_then(|back| Arc::try_unwrap(back).ok());
         match back.map(|back| back.shape) {
             Some(Shape::Groves(groves)) if groves.len() == count => groves,
@@ -232,14 +229,14 @@ impl Scene {
             };
             if rays_lose_ns > building_takes_ns {
                 change.action = Action::BuiltFast;
-                nodes[place] = Nodes::New(WideTree::from_objects(&meshes[place]));
+                nodes[place] = Nodes::New(self.build_fast(&meshes[place]));
             }
         }
         nodes
     }
 }
 
-fn new_groves(count: usize) -> SmallVec<[Grove; 2]> {
+fn new_groves(count: usize) -> Vec<Grove> {
     std::iter::repeat_with(Grove::default).take(count).collect()
 }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes};
 use kd_trace::WideTree;
-use smallvec::SmallVec;
 
 use super::PartId;
 use super::grove::Grove;
@@ -48,7 +47,7 @@ pub struct FrameData {
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
     /// One after the other.
-    Groves(SmallVec<[Grove; 2]>),
+    Groves(Vec<Grove>),
     Whole(Box<Traced>),
 }
 
@@ -63,7 +62,7 @@ pub(super) struct FramePart {
 
 impl Default for Shape {
     fn default() -> Self {
-        Self::Groves(SmallVec::new())
+        Self::Groves(Vec::new())
     }
 }
 

@@ -131,7 +131,7 @@ impl Scene {
 
     fn build(&self, part: &Part, mesh: &Mesh) -> Result<(Nodes, Action), CommitError> {
         if part.role != Role::Static {
-            return Ok((Nodes::New(WideTree::from_objects(mesh)), Action::BuiltFast));
+            return Ok((Nodes::New(self.build_fast(mesh)), Action::BuiltFast));
         }
         let tree = kd_sah::build(mesh, &self.options).map_err(|error| CommitError::Build {
             part: part.id,
@@ -140,6 +140,15 @@ impl Scene {
         let is_parallel = self.options.threads() != 1;
         let tree = WideTree::best(&tree, mesh, is_parallel);
         Ok((Nodes::New(tree), Action::Built))
+    }
+
+    /// A tree that is good enough for some frames.
+    pub(super) fn build_fast(&self, mesh: &Mesh) -> WideTree {
+        #[cfg(feature = "parallel")]
+        if self.options.threads() != 1 {
+            return WideTree::from_objects_parallel(mesh);
+        }
+        WideTree::from_objects(mesh)
     }
 
     /// The place of the part that an instance was made from, if they have the same mesh.
