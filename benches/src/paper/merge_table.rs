@@ -102,6 +102,7 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     }
     let mut lines = String::new();
     let mut problems = Vec::new();
+    let mut measured = Vec::new();
     for animation in animations(arguments)? {
         let moving: usize = animation.groups.iter().map(|mesh| mesh.len()).sum();
         println!(
@@ -115,10 +116,11 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         println!("{}", times(&figures, is_of_seed));
         println!("{}", ratios(&figures));
         lines += &to_lines(&animation, &figures, is_of_seed)?;
-        if let Some(path) = &arguments.plot {
-            run_folder::write(path, plot(&figures)?)?;
-            println!("wrote {}", path.display());
-        }
+        measured.push((animation.name, figures));
+    }
+    if let Some(path) = &arguments.plot {
+        run_folder::write(path, plot(&measured)?)?;
+        println!("wrote {}", path.display());
     }
     println!(
         "one thread, medians of {} pairs; an update is from the first transform to the first ray; a trace is 800x600 rays of a \
@@ -596,27 +598,25 @@ fn to_lines(
 }
 
 /// By row: updates in milliseconds, and times of rays over `best` in percent.
-fn plot(figures: &[FrameFigures]) -> anyhow::Result<String> {
-    let line = |value: &dyn Fn(&FrameFigures) -> f64| -> Vec<(f64, f64)> {
-        (1..)
-            .map(f64::from)
-            .zip(figures.iter().map(value))
-            .collect()
-    };
+fn plot(measured: &[(String, Vec<FrameFigures>)]) -> anyhow::Result<String> {
     let mut lines = Vec::new();
-    for (way, (name, _)) in WAYS.iter().enumerate() {
-        lines.push((
-            format!("{name}: update, ms"),
-            line(&|f| f.ways[way].update_ms),
-        ));
-    }
-    for way in [MERGE, 3, 4] {
-        let name = format!("{}: rays, % of best", WAYS[way].0);
-        lines.push((name, line(&|f| 100.0 * f.ways[way].trace)));
+    for (name, figures) in measured {
+        let line = |value: &dyn Fn(&FrameFigures) -> f64| -> Vec<(f64, f64)> {
+            (1..)
+                .map(f64::from)
+                .zip(figures.iter().map(value))
+                .collect()
+        };
+        for way in [MERGE, AUTO] {
+            let name = format!("{name}: {}, ms", WAYS[way].0);
+            lines.push((name, line(&|f| f.ways[way].update_ms)));
+        }
+        let name = format!("{name}: rays, %");
+        lines.push((name, line(&|f| 100.0 * f.ways[MERGE].trace)));
     }
     let plot = LinePlot {
-        x_axis: "row",
-        y_axis: "milliseconds, or percent",
+        x_axis: "row: from outside to all over it",
+        y_axis: "update in ms; rays through the merged tree, % of best",
         lines,
     };
     plot.to_svg()

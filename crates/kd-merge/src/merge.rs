@@ -38,7 +38,7 @@ pub struct Placed {
 }
 
 /// Why trees could not be put together.
-#[derive(Debug, Error)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum MergeError {
     /// The arena is full.

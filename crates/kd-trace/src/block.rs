@@ -37,7 +37,7 @@ impl Block {
     pub(crate) fn of(triangles: impl IntoIterator<Item = u32>, mesh: &Mesh) -> Self {
         let mut block = Self::EMPTY;
         for (lane, triangle) in triangles.into_iter().enumerate() {
-            block.set(lane, triangle, mesh);
+            block.set(lane, triangle, mesh.corners(triangle));
         }
         block
     }
@@ -51,8 +51,8 @@ impl Block {
             .sum()
     }
 
-    fn set(&mut self, lane: usize, triangle: u32, mesh: &Mesh) {
-        self.set_corners(lane, mesh.corners(triangle));
+    pub(crate) fn set(&mut self, lane: usize, triangle: u32, corners: [Vec3; 3]) {
+        self.set_corners(lane, corners);
         self.triangles[lane] = triangle;
     }
 

@@ -87,6 +87,6 @@ mod wide;
 #[cfg(feature = "counters")]
 pub use counters::{TraversalCounts, intersect_counted};
 pub use level::Level;
-pub use packed::PackedTree;
+pub use packed::{PackedArena, PackedTree};
 pub use query::{hits, intersect, occluded};
 pub use wide::{Join, Joined, WideForest, WideTree};

@@ -9,6 +9,8 @@
 //! The triangles of a leaf fill its blocks in order, the last one perhaps in part. All of it is derived from a tree and
 //! its mesh, and holds copies: neither is needed to trace.
 
+mod arena;
+
 use std::ops::ControlFlow;
 
 use bytemuck::{cast_slice, cast_slice_mut};
@@ -21,6 +23,8 @@ use crate::lanes::LANES;
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 use crate::walk::Walkable;
+
+pub use arena::PackedArena;
 
 /// A tree with the triangles of its leaves packed in blocks of eight: what to trace where the tree's own nodes are to be
 /// used. [`WideTree`](crate::WideTree) is faster.

@@ -4,6 +4,7 @@ mod apply;
 mod error;
 mod frame;
 mod grove;
+mod merged;
 mod part;
 mod plan;
 mod report;
@@ -12,7 +13,7 @@ mod strategy;
 use std::sync::Arc;
 
 use glam::Affine3A;
-use kd_core::{MAX_TRIANGLES, Mesh};
+use kd_core::{MAX_TRIANGLES, Mesh, Tree};
 use kd_sah::BuildOptions;
 
 pub use error::{CommitError, SceneError};
@@ -21,6 +22,7 @@ pub use part::PartId;
 pub use report::{Action, CommitReport, PartChange, Reason};
 pub use strategy::{MergeMethod, Strategy};
 
+use grove::Key;
 use part::{Part, Role};
 
 /// Meshes that stand still and meshes that move, of which a [`commit`](Self::commit) makes a [`Frame`] to trace.
@@ -84,6 +86,8 @@ pub struct Scene {
     front: Arc<FrameData>,
     /// A frame before that, which may still be traced.
     back: Option<Arc<FrameData>>,
+    /// The kd-trees of parts that move, where frames are made by merging kd-trees.
+    moving_trees: Vec<(Key, Arc<Tree>)>,
 }
 
 impl Scene {
@@ -104,6 +108,7 @@ impl Scene {
             commits: 0,
             front: Arc::default(),
             back: None,
+            moving_trees: Vec::new(),
         }
     }
 

@@ -56,7 +56,24 @@ impl Traced {
         }
     }
 
-    pub(crate) fn bytes(&self) -> TracedBytes {
+    #[inline]
+    pub(crate) fn borrowed(&self) -> TracedRef<'_> {
+        match self {
+            Self::Binary(tree) => TracedRef::Binary(tree),
+            Self::Wide(tree) => TracedRef::Wide(tree),
+        }
+    }
+}
+
+/// A borrowed [`Traced`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TracedRef<'a> {
+    Binary(&'a PackedTree),
+    Wide(&'a WideTree),
+}
+
+impl TracedRef<'_> {
+    pub(crate) fn bytes(self) -> TracedBytes {
         match self {
             Self::Binary(tree) => tree.bytes(),
             Self::Wide(tree) => tree.bytes(),
@@ -64,7 +81,7 @@ impl Traced {
     }
 
     #[inline]
-    pub(crate) fn intersect(&self, ray: &Ray) -> Option<Hit> {
+    pub(crate) fn intersect(self, ray: &Ray) -> Option<Hit> {
         match self {
             Self::Binary(tree) => tree.intersect(ray),
             Self::Wide(tree) => tree.intersect(ray),
@@ -72,42 +89,42 @@ impl Traced {
     }
 
     #[inline]
-    pub(crate) fn occluded(&self, ray: &Ray) -> bool {
+    pub(crate) fn occluded(self, ray: &Ray) -> bool {
         match self {
             Self::Binary(tree) => tree.occluded(ray),
             Self::Wide(tree) => tree.occluded(ray),
         }
     }
 
-    pub(crate) fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+    pub(crate) fn hits(self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         match self {
             Self::Binary(tree) => tree.hits(ray, max, out),
             Self::Wide(tree) => tree.hits(ray, max, out),
         }
     }
 
-    pub(crate) fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    pub(crate) fn intersect_batch(self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         match self {
             Self::Binary(tree) => tree.intersect_batch(rays, hits),
             Self::Wide(tree) => tree.intersect_batch(rays, hits),
         }
     }
 
-    pub(crate) fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+    pub(crate) fn occluded_batch(self, rays: &[Ray], occluded: &mut [bool]) {
         match self {
             Self::Binary(tree) => tree.occluded_batch(rays, occluded),
             Self::Wide(tree) => tree.occluded_batch(rays, occluded),
         }
     }
 
-    pub(crate) fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
+    pub(crate) fn intersect8(self, packet: &RayPacket8) -> [Option<Hit>; 8] {
         match self {
             Self::Binary(tree) => tree.intersect8(packet),
             Self::Wide(tree) => tree.intersect8(packet),
         }
     }
 
-    pub(crate) fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+    pub(crate) fn occluded8(self, packet: &RayPacket8) -> [bool; 8] {
         match self {
             Self::Binary(tree) => tree.occluded8(packet),
             Self::Wide(tree) => tree.occluded8(packet),

@@ -159,19 +159,19 @@ impl KdTree {
     /// The closest hit with `t_min <= t <= t_max`, both sides of a triangle alike.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.traced.intersect(ray)
+        self.traced.borrowed().intersect(ray)
     }
 
     /// Whether there is any hit with `t_min <= t <= t_max`: [`intersect`](Self::intersect)`.is_some()`, sooner.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.traced.occluded(ray)
+        self.traced.borrowed().occluded(ray)
     }
 
     /// The first `max` hits along the ray, in order, each triangle once. `out` is cleared first; reuse it to save
     /// allocations.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.traced.hits(ray, max, out);
+        self.traced.borrowed().hits(ray, max, out);
     }
 
     /// The closest hit of each ray, equal to single calls.
@@ -200,7 +200,7 @@ impl KdTree {
     ///
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.traced.intersect_batch(rays, hits);
+        self.traced.borrowed().intersect_batch(rays, hits);
     }
 
     /// Whether each ray hits anything, equal to single calls; rays that are alike are traced together, as by
@@ -210,7 +210,7 @@ impl KdTree {
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.traced.occluded_batch(rays, occluded);
+        self.traced.borrowed().occluded_batch(rays, occluded);
     }
 
     /// The closest hit of the ray of each lane, equal to single calls; `None` where there is no ray.
@@ -218,12 +218,12 @@ impl KdTree {
     /// For programs whose rays come eight at a time: in the wide layout, those of them that go much the same way go down the
     /// tree together. Where there are more, [`intersect_batch`](Self::intersect_batch) is faster.
     pub fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
-        self.traced.intersect8(packet)
+        self.traced.borrowed().intersect8(packet)
     }
 
     /// Whether the ray of each lane hits anything, equal to single calls; see [`intersect8`](Self::intersect8).
     pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
-        self.traced.occluded8(packet)
+        self.traced.borrowed().occluded8(packet)
     }
 
     /// Counts, histograms, costs and sizes; linear in the number of nodes.
@@ -231,7 +231,7 @@ impl KdTree {
         self.tree
             .stats()
             .with_zero_area(self.mesh.zero_area_count())
-            .with_traced_bytes(self.traced.bytes())
+            .with_traced_bytes(self.traced.borrowed().bytes())
     }
 
     /// The nodes, root first; child indices refer to this slice.

@@ -18,6 +18,9 @@ fn strategies() -> Vec<Strategy> {
     vec![
         Strategy::Auto,
         Strategy::Merge(MergeMethod::Guided),
+        Strategy::Merge(MergeMethod::PartitionTrees),
+        Strategy::Merge(MergeMethod::BspMerge),
+        Strategy::Merge(MergeMethod::Insertion),
         Strategy::Refit,
         Strategy::Instances,
         Strategy::Dual,
@@ -215,7 +218,7 @@ fn gears_and_balls(options: BuildOptions) -> (Scene, [PartId; 3]) {
 
 #[test]
 fn frames_of_one_pose_are_as_large_whatever_was_before() {
-    for strategy in strategies().into_iter().take(5) {
+    for strategy in strategies().into_iter().take(8) {
         let (mut scene, [_, moving, other]) = gears_and_balls(BuildOptions::balanced());
         scene.set_strategy(strategy.clone());
         let mut sizes = vec![];

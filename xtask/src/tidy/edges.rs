@@ -10,7 +10,10 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-merge", &["kd-core", "kd-sah"]),
     ("kd-trace", &["kd-core"]),
     ("kd-scene", &["kd-core"]),
-    ("kd", &["kd-core", "kd-sah", "kd-trace", "kd-scene"]),
+    (
+        "kd",
+        &["kd-core", "kd-merge", "kd-sah", "kd-trace", "kd-scene"],
+    ),
     (
         "kd-bench",
         &[

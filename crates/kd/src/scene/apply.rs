@@ -8,7 +8,7 @@ use kd_trace::{Join, Joined};
 use super::frame::{FrameData, FramePart, Shape};
 use super::grove::{From, Grove, Wanted};
 use super::part::Role;
-use super::plan::{Nodes, PartPlan, Plan};
+use super::plan::{MergePlan, Nodes, PartPlan, Plan};
 use super::report::{Action, CommitReport, PartChange, Reason};
 use super::{Scene, Strategy};
 
@@ -26,6 +26,7 @@ impl Scene {
         }
         let (meshes, changes, joined) = match plan {
             Plan::Parts(plans) => self.apply_parts(plans),
+            Plan::Merged(plan) => self.apply_merge(plan),
             Plan::Whole(meshes, traced) => {
                 self.show(Shape::Whole(traced));
                 let changes = self
@@ -72,7 +73,9 @@ impl Scene {
 
     /// Makes another shape the one of the frame, in memory that nobody else looks at.
     fn show(&mut self, shape: Shape) {
-        if let Some(front) = Arc::get_mut(&mut self.front) {
+        if let Some(front) = Arc::get_mut(&mut self.front)
+            && !matches!(front.shape, Shape::Merged(_))
+        {
             front.shape = shape;
             return;
         }
@@ -81,6 +84,28 @@ impl Scene {
             ..FrameData::default()
         };
         self.back = Some(std::mem::replace(&mut self.front, Arc::new(frame)));
+    }
+
+    fn apply_merge(&mut self, plan: MergePlan) -> (Vec<Arc<Mesh>>, Vec<PartChange>, Joined) {
+        let parts = self.parts.iter().zip(&plan.meshes).zip(plan.done);
+        let changes = parts.filter_map(|((part, mesh), done)| {
+            let (action, reason) = done?;
+            Some(PartChange {
+                part: part.id,
+                triangles: mesh.len(),
+                action,
+                reason,
+            })
+        });
+        let changes = changes.collect();
+        self.show(Shape::Merged(plan.trees));
+        self.moving_trees = plan.moving;
+        let joined = plan.merged.map_or_else(Joined::default, |merged| Joined {
+            nodes: merged.new_nodes,
+            links: merged.links,
+            opened: merged.cut + merged.dissolved,
+        });
+        (plan.meshes, changes, joined)
     }
 
     fn apply_parts(&mut self, plans: Vec<PartPlan>) -> (Vec<Arc<Mesh>>, Vec<PartChange>, Joined) {
@@ -145,12 +170,12 @@ impl Scene {
         let (mut groves, before) = match own {
             Some(Shape::Groves(groves)) if groves.len() == wanted.len() => (groves, Vec::new()),
             Some(Shape::Groves(groves)) => (new_groves(wanted.len()), groves),
-            Some(Shape::Whole(_)) => (new_groves(wanted.len()), Vec::new()),
+            Some(Shape::Whole(_) | Shape::Merged(_)) => (new_groves(wanted.len()), Vec::new()),
             None => (self.take_back(wanted.len()), Vec::new()),
         };
         let front = match &self.front.shape {
             Shape::Groves(groves) => groves.as_slice(),
-            Shape::Whole(_) => &[],
+            Shape::Whole(_) | Shape::Merged(_) => &[],
         };
         for (number, wanted) in wanted.iter().enumerate() {
             let (earlier, rest) = groves.split_at_mut(number);

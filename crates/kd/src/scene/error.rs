@@ -1,6 +1,7 @@
 //! What can be wrong with a scene.
 
 use kd_core::{MAX_TRIANGLES, MeshError};
+use kd_merge::MergeError;
 use kd_sah::BuildError;
 use thiserror::Error;
 
@@ -66,5 +67,11 @@ pub enum CommitError {
     Rebuild {
         /// What is wrong.
         error: BuildError,
+    },
+    /// The merged kd-tree would have more than 2³⁰ nodes.
+    #[error("merging kd-trees: {error}")]
+    Merge {
+        /// What is wrong.
+        error: MergeError,
     },
 }

@@ -4,11 +4,13 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes};
+
 use kd_trace::WideTree;
 
 use super::PartId;
 use super::grove::Grove;
-use crate::traced::Traced;
+use super::merged::MergedTrees;
+use crate::traced::{Traced, TracedRef};
 
 /// All parts of a [`Scene`](crate::Scene) as they were at its last commit. It borrows the scene, and gives all queries of
 /// [`FrameData`].
@@ -49,6 +51,7 @@ pub(super) enum Shape {
     /// One after the other.
     Groves(Vec<Grove>),
     Whole(Box<Traced>),
+    Merged(Box<MergedTrees>),
 }
 
 /// A part where it was.
@@ -103,61 +106,52 @@ impl FrameData {
             nodes: 0,
             blocks: 0,
         };
-        match &self.shape {
-            Shape::Whole(traced) => traced.bytes(),
-            Shape::Groves(groves) => groves.iter().fold(nothing, |sum, grove| {
-                let bytes = grove.forest.tree().bytes();
-                TracedBytes {
-                    nodes: sum.nodes + bytes.nodes,
-                    blocks: sum.blocks + bytes.blocks,
-                }
-            }),
-        }
+        self.trees().fold(nothing, |sum, tree| {
+            let bytes = tree.bytes();
+            TracedBytes {
+                nodes: sum.nodes + bytes.nodes,
+                blocks: sum.blocks + bytes.blocks,
+            }
+        })
     }
 
     /// The closest hit and the part that it is of, as [`KdTree::intersect`](crate::KdTree::intersect).
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<(PartId, Hit)> {
-        let hit = match &self.shape {
-            Shape::Groves(groves) => {
-                let mut trees = trees(groves);
-                let first = trees.next()?.intersect(ray);
-                trees.fold(first, |closest, tree| closer(closest, tree, ray))
-            }
-            Shape::Whole(traced) => traced.intersect(ray),
-        };
-        hit.map(|hit| self.of_part(hit))
+        if let Some(tree) = self.only_tree() {
+            return tree.intersect(ray).map(|hit| self.of_part(hit));
+        }
+        let mut trees = self.trees();
+        let mut closest = trees.next()?.intersect(ray);
+        for tree in trees {
+            closest = first_of(closest, tree.intersect(&up_to(ray, closest)));
+        }
+        closest.map(|hit| self.of_part(hit))
     }
 
     /// Whether there is any hit, as [`KdTree::occluded`](crate::KdTree::occluded).
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        match &self.shape {
-            Shape::Groves(groves) => trees(groves).any(|tree| tree.occluded(ray)),
-            Shape::Whole(traced) => traced.occluded(ray),
+        if let Some(tree) = self.only_tree() {
+            return tree.occluded(ray);
         }
+        self.trees().any(|tree| tree.occluded(ray))
     }
 
     /// The first `max` hits in `out`, which is cleared before, as [`KdTree::hits`](crate::KdTree::hits): ordered by `t`, then
     /// by part, then by triangle.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<(PartId, Hit)>) {
         out.clear();
-        let mut hits = Vec::new();
-        match &self.shape {
-            Shape::Groves(groves) => {
-                let mut of_one = Vec::new();
-                for tree in trees(groves) {
-                    tree.hits(ray, max, &mut of_one);
-                    hits.append(&mut of_one);
-                }
-                if groves.len() > 1 {
-                    hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
-                    hits.truncate(max);
-                }
-            }
-            Shape::Whole(traced) => traced.hits(ray, max, &mut hits),
+        let mut of_one = Vec::new();
+        for tree in self.trees() {
+            tree.hits(ray, max, &mut of_one);
+            out.extend(of_one.iter().map(|hit| self.of_part(*hit)));
         }
-        out.extend(hits.into_iter().map(|hit| self.of_part(hit)));
+        if self.trees().count() > 1 {
+            let key = |(part, hit): &(PartId, Hit)| (*part, hit.triangle);
+            out.sort_by(|a, b| a.1.t.total_cmp(&b.1.t).then(key(a).cmp(&key(b))));
+            out.truncate(max);
+        }
     }
 
     /// [`intersect`](Self::intersect) for many rays, as [`KdTree::intersect_batch`](crate::KdTree::intersect_batch).
@@ -186,79 +180,82 @@ impl FrameData {
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        match &self.shape {
-            Shape::Groves(groves) => {
-                occluded.fill(false);
-                let mut by_this = vec![false; rays.len()];
-                for tree in trees(groves) {
-                    tree.occluded_batch(rays, &mut by_this);
-                    for (occluded, by_this) in occluded.iter_mut().zip(&by_this) {
-                        *occluded |= by_this;
-                    }
-                }
+        let mut trees = self.trees();
+        let Some(first) = trees.next() else {
+            occluded.fill(false);
+            return;
+        };
+        first.occluded_batch(rays, occluded);
+        for tree in trees {
+            let mut by_this = vec![false; rays.len()];
+            tree.occluded_batch(rays, &mut by_this);
+            for (occluded, by_this) in occluded.iter_mut().zip(by_this) {
+                *occluded |= by_this;
             }
-            Shape::Whole(traced) => traced.occluded_batch(rays, occluded),
         }
     }
 
     /// [`intersect`](Self::intersect) for the ray of each lane, as [`KdTree::intersect8`](crate::KdTree::intersect8).
     pub fn intersect8(&self, packet: &RayPacket8) -> [Option<(PartId, Hit)>; 8] {
-        let hits = match &self.shape {
-            Shape::Groves(groves) => {
-                let mut trees = trees(groves);
-                let Some(first) = trees.next() else {
-                    return [None; 8];
-                };
-                let mut hits = first.intersect8(packet);
-                for tree in trees {
-                    for (hit, other) in hits.iter_mut().zip(tree.intersect8(packet)) {
-                        *hit = first_of(*hit, other);
-                    }
-                }
-                hits
+        let mut hits = [None; 8];
+        for tree in self.trees() {
+            for (hit, other) in hits.iter_mut().zip(tree.intersect8(packet)) {
+                *hit = first_of(*hit, other);
             }
-            Shape::Whole(traced) => traced.intersect8(packet),
-        };
+        }
         hits.map(|hit| hit.map(|hit| self.of_part(hit)))
     }
 
     /// [`occluded`](Self::occluded) for the ray of each lane, as [`KdTree::occluded8`](crate::KdTree::occluded8).
     pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
-        match &self.shape {
-            Shape::Groves(groves) => {
-                let mut occluded = [false; 8];
-                for tree in trees(groves) {
-                    for (occluded, by_this) in occluded.iter_mut().zip(tree.occluded8(packet)) {
-                        *occluded |= by_this;
-                    }
-                }
-                occluded
+        let mut occluded = [false; 8];
+        for tree in self.trees() {
+            for (occluded, by_this) in occluded.iter_mut().zip(tree.occluded8(packet)) {
+                *occluded |= by_this;
             }
-            Shape::Whole(traced) => traced.occluded8(packet),
         }
+        occluded
     }
 
     fn batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        match &self.shape {
-            Shape::Groves(groves) => {
-                let mut trees = trees(groves);
-                let Some(first) = trees.next() else {
-                    hits.fill(None);
-                    return;
-                };
-                first.intersect_batch(rays, hits);
-                for tree in trees {
-                    let pairs = rays.iter().zip(&*hits);
-                    let shorter: Vec<Ray> = pairs.map(|(ray, hit)| up_to(ray, *hit)).collect();
-                    let mut others = vec![None; rays.len()];
-                    tree.intersect_batch(&shorter, &mut others);
-                    for (hit, other) in hits.iter_mut().zip(others) {
-                        *hit = first_of(*hit, other);
-                    }
-                }
+        let mut trees = self.trees();
+        let Some(first) = trees.next() else {
+            hits.fill(None);
+            return;
+        };
+        first.intersect_batch(rays, hits);
+        for tree in trees {
+            let pairs = rays.iter().zip(&*hits);
+            let shorter: Vec<Ray> = pairs.map(|(ray, hit)| up_to(ray, *hit)).collect();
+            let mut others = vec![None; rays.len()];
+            tree.intersect_batch(&shorter, &mut others);
+            for (hit, other) in hits.iter_mut().zip(others) {
+                *hit = first_of(*hit, other);
             }
-            Shape::Whole(traced) => traced.intersect_batch(rays, hits),
         }
+    }
+
+    /// The wide tree that rays go through, if it is the only one, as in most frames.
+    #[inline]
+    fn only_tree(&self) -> Option<&WideTree> {
+        match &self.shape {
+            Shape::Groves(groves) if groves.len() == 1 => Some(groves[0].forest.tree()),
+            _ => None,
+        }
+    }
+
+    /// What rays go through, one after the other.
+    #[inline]
+    fn trees(&self) -> impl Iterator<Item = TracedRef<'_>> {
+        let (groves, other): (&[Grove], _) = match &self.shape {
+            Shape::Groves(groves) => (groves, None),
+            Shape::Whole(traced) => (&[], Some(traced.borrowed())),
+            Shape::Merged(trees) => (&[], Some(TracedRef::Binary(trees.packed().tree()))),
+        };
+        let groves = groves
+            .iter()
+            .map(|grove| TracedRef::Wide(grove.forest.tree()));
+        groves.chain(other)
     }
 
     /// Which part a hit is of, and the hit with that part's own triangle.
@@ -272,17 +269,6 @@ impl FrameData {
         let triangle = hit.triangle - part.first;
         (part.id, Hit { triangle, ..hit })
     }
-}
-
-#[inline]
-fn trees(groves: &[Grove]) -> impl Iterator<Item = &WideTree> {
-    groves.iter().map(|grove| grove.forest.tree())
-}
-
-/// The closer of a hit and what a tree has.
-#[inline]
-fn closer(closest: Option<Hit>, tree: &WideTree, ray: &Ray) -> Option<Hit> {
-    first_of(closest, tree.intersect(&up_to(ray, closest)))
 }
 
 /// A ray as far as a hit, which may be met again.

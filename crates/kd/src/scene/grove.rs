@@ -72,8 +72,10 @@ impl Grove {
         let same = pairs.take_while(|(key, wanted)| key.nodes() == wanted.key.nodes());
         let same = same.count();
         let own = self.split_off(same, &wanted[same..]);
+        // Whose nodes there are, and where their triangles were.
+        let mut states = self.trees.clone();
         for Wanted { key, from, .. } in &wanted[same..] {
-            let key = match from {
+            let state = match from {
                 From::New(tree) => {
                     self.forest.push(tree, key.first_slot);
                     *key
@@ -82,21 +84,21 @@ impl Grove {
                 From::Other(of) => match self.position(of) {
                     Some(number) => {
                         self.forest.push_again(number);
-                        self.trees[number]
+                        states[number]
                     }
                     None => self.push_found(of, &own, others),
                 },
             };
-            self.trees.push(key);
+            states.push(state);
+            self.trees.push(*key);
         }
-        for (number, wanted) in wanted.iter().enumerate() {
-            let key = std::mem::replace(&mut self.trees[number], wanted.key);
-            let slots = wanted.key.first_slot.wrapping_sub(key.first_slot);
+        for ((number, wanted), state) in wanted.iter().enumerate().zip(states) {
+            let Wanted { key, mesh, .. } = wanted;
+            self.trees[number] = *key;
+            let slots = key.first_slot.wrapping_sub(state.first_slot);
             self.forest.add_to_slots(number, slots);
-            let is_other = (key.part, key.moved) != (wanted.key.part, wanted.key.moved);
-            if is_other {
-                let first_slot = wanted.key.first_slot;
-                self.forest.refit(number, wanted.mesh, first_slot);
+            if (state.part, state.moved) != (key.part, key.moved) {
+                self.forest.refit(number, mesh, key.first_slot);
             }
         }
     }

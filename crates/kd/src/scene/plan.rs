@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use kd_core::Mesh;
+use kd_core::{Mesh, Tree};
+use kd_merge::Merged;
+use kd_sah::BuildOptions;
 use kd_trace::WideTree;
 
 use super::frame::{FrameData, Shape};
 use super::grove::Key;
+use super::merged::{MergedPart, MergedTrees};
 use super::part::{Part, Role};
 use super::report::{Action, Reason};
-use super::{CommitError, Scene, Strategy};
+use super::{CommitError, MergeMethod, Scene, Strategy};
 use crate::traced::Traced;
 
 /// What a commit is going to do.
@@ -18,6 +21,18 @@ pub(super) enum Plan {
     Parts(Vec<PartPlan>),
     /// Everything is in one tree.
     Whole(Vec<Arc<Mesh>>, Box<Traced>),
+    /// Everything is in one kd-tree, put together from those of parts.
+    Merged(MergePlan),
+}
+
+/// A kd-tree that was merged.
+pub(super) struct MergePlan {
+    pub(super) meshes: Vec<Arc<Mesh>>,
+    pub(super) trees: Box<MergedTrees>,
+    /// Those of the parts that move, for the next time.
+    pub(super) moving: Vec<(Key, Arc<Tree>)>,
+    pub(super) merged: Option<Merged>,
+    pub(super) done: Vec<Option<(Action, Reason)>>,
 }
 
 /// What is to be done with a part.
@@ -40,8 +55,13 @@ pub(super) enum Nodes {
 }
 
 impl Scene {
-    pub(super) fn plan(&self) -> Result<Plan, CommitError> {
+    pub(super) fn plan(&mut self) -> Result<Plan, CommitError> {
         let meshes = self.each_part(|_, part| self.placed(part))?;
+        if let Strategy::Merge(method) = self.strategy
+            && method != MergeMethod::Guided
+        {
+            return self.plan_merge(method, meshes).map(Plan::Merged);
+        }
         if let Strategy::Rebuild(options) = &self.strategy {
             let mesh = concatenated(&meshes);
             let tree = kd_sah::build(&mesh, options);
@@ -59,6 +79,115 @@ impl Scene {
             })
         });
         plans.map(Plan::Parts)
+    }
+
+    /// Merges kd-trees, apart from the frame before.
+    fn plan_merge(
+        &mut self,
+        method: MergeMethod,
+        meshes: Vec<Arc<Mesh>>,
+    ) -> Result<MergePlan, CommitError> {
+        let fail = |error| CommitError::Merge { error };
+        let end = self.next_slot;
+        let mut done = vec![None; meshes.len()];
+        let pairs = self.parts.iter().zip(&meshes);
+        let parts: Vec<MergedPart<'_>> = pairs
+            .map(|(part, mesh)| MergedPart {
+                key: self.key_of_kd_tree(part),
+                mesh,
+                is_still: part.role == Role::Static,
+            })
+            .collect();
+        let mut trees = match self.spare_trees(&parts) {
+            Some(trees) => trees,
+            None => {
+                let trees = self.each_part(|place, part| {
+                    let is_still = part.role == Role::Static;
+                    let mesh = &*meshes[place];
+                    is_still
+                        .then(|| self.build_kd(part, mesh, &self.options))
+                        .transpose()
+                })?;
+                for (done, tree) in done.iter_mut().zip(&trees) {
+                    *done = tree.as_ref().map(|_| (Action::Built, Reason::New));
+                }
+                let trees: Vec<Tree> = trees.into_iter().flatten().collect();
+                let mut all = Box::<MergedTrees>::default();
+                all.set_still(&parts, &trees, end).map_err(fail)?;
+                all
+            }
+        };
+        let fast = BuildOptions::fast().with_threads(self.options.threads());
+        let moving = self.each_part(|place, part| {
+            if part.role == Role::Static {
+                return Ok(None);
+            }
+            let key = parts[place].key;
+            let known = self.moving_trees.iter().find(|(known, _)| *known == key);
+            let (tree, is_new) = match known {
+                Some((_, tree)) => (Arc::clone(tree), false),
+                None => (Arc::new(self.build_kd(part, &meshes[place], &fast)?), true),
+            };
+            Ok(Some((key, tree, is_new)))
+        })?;
+        for (done, tree) in done.iter_mut().zip(&moving) {
+            if let Some((.., true)) = tree {
+                *done = Some((Action::BuiltFast, Reason::Strategy));
+            }
+        }
+        let moving = moving.into_iter().flatten();
+        let moving: Vec<(Key, Arc<Tree>)> = moving.map(|(key, tree, _)| (key, tree)).collect();
+        let merged = trees
+            .merge(method, &parts, moving.iter().map(|(_, tree)| &**tree), end)
+            .map_err(fail)?;
+        Ok(MergePlan {
+            meshes,
+            trees,
+            moving,
+            merged,
+            done,
+        })
+    }
+
+    /// Where the kd-tree of a part is made for, as it will be after this commit.
+    fn key_of_kd_tree(&self, part: &Part) -> Key {
+        Key {
+            built: 0,
+            moved: if part.is_changed {
+                self.commits + 1
+            } else {
+                part.moved
+            },
+            ..part.key()
+        }
+    }
+
+    /// Trees of what stands still, that no frame needs, or a copy of those of the frame.
+    fn spare_trees(&mut self, parts: &[MergedPart<'_>]) -> Option<Box<MergedTrees>> {
+        let back = self.back.take().and_then(|back| Arc::try_unwrap(back).ok());
+        let back = match back.map(|back| back.shape) {
+            Some(Shape::Merged(trees)) => Some(trees),
+            _ => None,
+        };
+        let front = match &self.front.shape {
+            Shape::Merged(trees) => Some(trees),
+            _ => None,
+        };
+        let end = self.next_slot;
+        let spare = back.filter(|trees| trees.has_still(parts, end));
+        spare.or_else(|| front.filter(|trees| trees.has_still(parts, end)).cloned())
+    }
+
+    fn build_kd(
+        &self,
+        part: &Part,
+        mesh: &Mesh,
+        options: &BuildOptions,
+    ) -> Result<Tree, CommitError> {
+        kd_sah::build(mesh, options).map_err(|error| CommitError::Build {
+            part: part.id,
+            error,
+        })
     }
 
     /// Calls a function with every part, on the threads that the scene may use.
@@ -133,10 +262,7 @@ impl Scene {
         if part.role != Role::Static {
             return Ok((Nodes::New(self.build_fast(mesh)), Action::BuiltFast));
         }
-        let tree = kd_sah::build(mesh, &self.options).map_err(|error| CommitError::Build {
-            part: part.id,
-            error,
-        })?;
+        let tree = self.build_kd(part, mesh, &self.options)?;
         let is_parallel = self.options.threads() != 1;
         let tree = WideTree::best(&tree, mesh, is_parallel);
         Ok((Nodes::New(tree), Action::Built))
@@ -166,7 +292,7 @@ impl FrameData {
     fn has_nodes(&self, key: &Key) -> bool {
         match &self.shape {
             Shape::Groves(groves) => groves.iter().any(|grove| grove.position(key).is_some()),
-            Shape::Whole(_) => false,
+            Shape::Whole(_) | Shape::Merged(_) => false,
         }
     }
 }

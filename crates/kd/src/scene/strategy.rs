@@ -34,4 +34,14 @@ pub enum MergeMethod {
     /// below is shared as it is.
     #[default]
     Guided,
+    /// Planes are swept over the boxes of kd-trees, and trees that overlap are dissolved into their children (Eleftheriades
+    /// 2010, §3.4). As the two below it gives a kd-tree, which is traced as [`Layout::Binary`](kd_core::Layout::Binary):
+    /// slower than wide nodes, by whatever method it is merged. What stands still is kept twice, so that a merge that fails
+    /// leaves the frame before as it is.
+    PartitionTrees,
+    /// The kd-trees of what moves are cut by the planes of the one that stands still (§3.3).
+    BspMerge,
+    /// The triangles of what moves are sent down the planes of what stands still, and leaves that become too large are
+    /// divided again (§3.5).
+    Insertion,
 }

@@ -1,0 +1,251 @@
+//! Frames whose kd-trees are merged, by the methods of *kd-tree merging* (Eleftheriades 2010).
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use kd_core::{Aabb, Arena, Axis, Mesh, PrimSource, Slot, Tree};
+use kd_merge::{Census, MergeError, Merged, Placed, Resplit, bsp_merge, insert, partition_trees};
+use kd_sah::BuildOptions;
+use kd_trace::PackedArena;
+
+use super::grove::Key;
+use super::strategy::MergeMethod;
+
+/// Trees in one arena: those of what stands still first, merged once, then what belongs to a frame.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MergedTrees {
+    arena: Arena,
+    census: Census,
+    packed: PackedArena,
+    /// What stands still, and the tree of it, if there is any.
+    still: Vec<Key>,
+    still_tree: Option<Placed>,
+    still_segments: usize,
+    /// The number after those that triangles had then.
+    still_end: u32,
+}
+
+/// A part to merge.
+pub(super) struct MergedPart<'a> {
+    pub(super) key: Key,
+    pub(super) mesh: &'a Arc<Mesh>,
+    pub(super) is_still: bool,
+}
+
+impl MergedTrees {
+    pub(super) fn packed(&self) -> &PackedArena {
+        &self.packed
+    }
+
+    /// Whether the trees of what stands still are those of these parts.
+    pub(super) fn has_still(&self, parts: &[MergedPart<'_>], end: u32) -> bool {
+        let still = parts.iter().filter(|part| part.is_still);
+        let is_same = still.map(|part| &part.key).eq(&self.still);
+        self.still_segments > 0 && is_same && self.still_end <= end
+    }
+
+    /// Starts anew with the trees of what stands still, in the order of `parts`.
+    pub(super) fn set_still(
+        &mut self,
+        parts: &[MergedPart<'_>],
+        trees: &[Tree],
+        end: u32,
+    ) -> Result<(), MergeError> {
+        *self = Self::default();
+        let source = Slots::new(parts, end);
+        let still = parts.iter().filter(|part| part.is_still);
+        let placed = self.append(still.clone().zip(trees), end)?;
+        self.still = still.map(|part| part.key).collect();
+        self.still_tree = match placed.as_slice() {
+            [] => None,
+            [one] => Some(*one),
+            several => {
+                let merged =
+                    partition_trees(&mut self.arena, &self.census, several, &source, &resplit())?;
+                Some(self.freeze(merged, around(several), end)?)
+            }
+        };
+        self.packed
+            .extend(&self.arena, |slot| source.corners(slot.0));
+        self.still_segments = self.arena.segments();
+        self.still_end = end;
+        Ok(())
+    }
+
+    /// Merges the trees of what moves, in the order of `parts`, into what stands still. (`trees` is not looked at by
+    /// [`MergeMethod::Insertion`].)
+    pub(super) fn merge<'t>(
+        &mut self,
+        method: MergeMethod,
+        parts: &[MergedPart<'_>],
+        trees: impl Iterator<Item = &'t Tree>,
+        end: u32,
+    ) -> Result<Option<Merged>, MergeError> {
+        self.arena.truncate(self.still_segments);
+        self.census.truncate(self.arena.nodes().len());
+        self.packed.truncate(self.still_segments);
+        let source = Slots::new(parts, end);
+        let moving = parts.iter().filter(|part| !part.is_still);
+        let mut merged = None;
+        let whole = match (method, self.still_tree) {
+            (MergeMethod::Insertion, Some(still)) => {
+                let slots = moving.clone().flat_map(MergedPart::slots);
+                let slots: Vec<Slot> = slots.collect();
+                let bounds = moving.fold(still.bounds, |all, part| all.union(&part.mesh.bounds()));
+                let tree = insert(
+                    &mut self.arena,
+                    still.root,
+                    &slots,
+                    &source,
+                    bounds,
+                    &resplit(),
+                )?;
+                merged = Some(tree);
+                Some(self.freeze(tree, bounds, end)?)
+            }
+            (method, still) => {
+                let mut placed: Vec<Placed> = still.into_iter().collect();
+                placed.extend(self.append(moving.zip(trees), end)?);
+                self.join(method, &placed, &source, &mut merged, end)?
+            }
+        };
+        self.packed
+            .extend(&self.arena, |slot| source.corners(slot.0));
+        if let Some(whole) = whole {
+            self.packed.set_root(whole.root, whole.bounds);
+        }
+        Ok(merged)
+    }
+
+    /// One tree of several, if there are any.
+    fn join(
+        &mut self,
+        method: MergeMethod,
+        placed: &[Placed],
+        source: &Slots<'_>,
+        merged: &mut Option<Merged>,
+        end: u32,
+    ) -> Result<Option<Placed>, MergeError> {
+        let Some((first, others)) = placed.split_first() else {
+            return Ok(None);
+        };
+        if others.is_empty() {
+            return Ok(Some(*first));
+        }
+        if method != MergeMethod::BspMerge {
+            let tree = partition_trees(&mut self.arena, &self.census, placed, source, &resplit())?;
+            *merged = Some(tree);
+            return self.freeze(tree, around(placed), end).map(Some);
+        }
+        let mut whole = *first;
+        for other in others {
+            let bounds = whole.bounds.union(&other.bounds);
+            let trees = [whole.root, other.root];
+            let tree = bsp_merge(&mut self.arena, trees, source, bounds, &resplit())?;
+            *merged = Some(tree);
+            whole = self.freeze(tree, bounds, end)?;
+        }
+        Ok(Some(whole))
+    }
+
+    /// Appends a tree for each part that has triangles.
+    fn append<'a, 't>(
+        &mut self,
+        pairs: impl Iterator<Item = (&'a MergedPart<'a>, &'t Tree)>,
+        end: u32,
+    ) -> Result<Vec<Placed>, MergeError> {
+        let mut placed = Vec::new();
+        for (part, tree) in pairs {
+            if !part.mesh.is_empty() {
+                let root = self.arena.append_tree(tree, part.key.first_slot)?;
+                let bounds = part.mesh.bounds();
+                placed.push(Placed { root, bounds });
+            }
+        }
+        self.arena.freeze(end)?;
+        self.census.extend(self.arena.nodes());
+        Ok(placed)
+    }
+
+    fn freeze(&mut self, merged: Merged, bounds: Aabb, end: u32) -> Result<Placed, MergeError> {
+        self.arena.freeze(end)?;
+        self.census.extend(self.arena.nodes());
+        Ok(Placed {
+            root: merged.root,
+            bounds,
+        })
+    }
+}
+
+impl MergedPart<'_> {
+    fn slots(&self) -> impl Iterator<Item = Slot> {
+        let first = self.key.first_slot;
+        let end = first + u32::try_from(self.mesh.len()).expect("30 bits count triangles");
+        (first..end).map(Slot)
+    }
+}
+
+/// Leaves that become larger than two blocks are divided again.
+fn resplit() -> Resplit {
+    Resplit::above(16, BuildOptions::fast().with_threads(1))
+}
+
+fn around(placed: &[Placed]) -> Aabb {
+    let boxes = placed.iter().map(|tree| tree.bounds);
+    boxes.fold(Aabb::EMPTY, |all, one| all.union(&one))
+}
+
+/// The triangles of all parts, by the numbers that they have in the scene.
+struct Slots<'a> {
+    /// In the order of their first triangles.
+    parts: Vec<(u32, &'a Mesh)>,
+    end: u32,
+}
+
+impl<'a> Slots<'a> {
+    fn new(parts: &'a [MergedPart<'a>], end: u32) -> Self {
+        let mut parts: Vec<(u32, &Mesh)> = parts
+            .iter()
+            .filter(|part| !part.mesh.is_empty())
+            .map(|part| (part.key.first_slot, &**part.mesh))
+            .collect();
+        parts.sort_by_key(|part| part.0);
+        Self { parts, end }
+    }
+
+    fn corners(&self, slot: u32) -> [Vec3; 3] {
+        let after = self.parts.partition_point(|(first, _)| *first <= slot);
+        let (first, mesh) = self.parts[after - 1];
+        mesh.corners(slot - first)
+    }
+}
+
+impl PrimSource for Slots<'_> {
+    type Shape = [Vec3; 3];
+
+    fn count(&self) -> u32 {
+        self.end
+    }
+
+    fn bounds(&self, primitive: u32) -> Aabb {
+        Aabb::around(self.corners(primitive))
+    }
+
+    fn shape(&self, primitive: u32) -> [Vec3; 3] {
+        self.corners(primitive)
+    }
+
+    fn clipped_bounds(&self, corners: &[Vec3; 3], cell: &Aabb) -> Option<Aabb> {
+        kd_core::clipped_bounds(*corners, cell)
+    }
+
+    fn clipped_halves(
+        &self,
+        corners: &[Vec3; 3],
+        cell: &Aabb,
+        axis: Axis,
+        position: f32,
+    ) -> [Option<Aabb>; 2] {
+        kd_core::clipped_halves(*corners, cell, axis, position)
+    }
+}
