@@ -161,13 +161,19 @@ impl Animation {
         Ok(animation)
     }
 
-    /// A room with clutter of about `size`³ thousand triangles in its middle, and an object of about that share of them that
-    /// comes in from outside the clutter until it is all over it.
+    /// A room with clutter of about `size`³ half thousand triangles in its middle, and an object of about that share of them
+    /// that comes in from outside the clutter until it is all over it.
     pub(crate) fn generated(size: u32, share: f64) -> anyhow::Result<Self> {
+        Self::with_object(size, |still| share * still as f64)
+    }
+
+    /// [`generated`](Self::generated) with an object of about as many triangles as are told, by the number of those that stand
+    /// still.
+    pub(crate) fn with_object(size: u32, moving: impl Fn(usize) -> f64) -> anyhow::Result<Self> {
         let clutter = Spd::Gears.generate(size)?.mesh;
         let bounds = clutter.bounds();
         let room = room_around(&clutter)?;
-        let wanted = share * room.len() as f64;
+        let wanted = moving(room.len());
         let sizes = 1..200;
         let objects = sizes.map(|size| Spd::Teapot.generate(size).map(|setup| setup.mesh));
         let mut object = None;
@@ -200,7 +206,10 @@ impl Animation {
             fov_degrees: 60.0,
         };
         Ok(Self {
-            name: format!("room, {:.1} % move", 100.0 * share),
+            name: format!(
+                "room, {:.1} % move",
+                100.0 * object.len() as f64 / room.len() as f64
+            ),
             fixed: Arc::new(room),
             rows: rows.collect(),
             motion: Motion::Matrices(POSES.iter().map(place).collect()),

@@ -1,5 +1,6 @@
 //! The tables of the papers made again, each beside ours.
 
+mod growth;
 mod merge_table;
 mod mirrors;
 mod traced;
@@ -37,6 +38,11 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "N", default_value_t = 120_000)]
     ray_limit: usize,
 
+    /// Instead, generate rooms of up to ten million triangles that stand still, and tell what an update takes that has nothing to
+    /// do with them
+    #[arg(long)]
+    growth: bool,
+
     /// Measure Embree's ways to follow what moves, too
     #[arg(long)]
     peers: bool,
@@ -63,6 +69,7 @@ enum PaperTable {
 /// Measures, prints and writes; false if an answer is wrong. A goal that is not met is said, and is no failure.
 pub(crate) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     match arguments.table {
+        PaperTable::MergeTable if arguments.growth => growth::run(arguments),
         PaperTable::MergeTable => merge_table::run(arguments),
     }
 }

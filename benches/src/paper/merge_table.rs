@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, ensure};
-use kd::{BuildOptions, KdTree, MergeMethod, Mesh, PartId, Scene, Strategy};
+use kd::{BuildOptions, KdTree, LazyTree, MergeMethod, Mesh, PartId, Scene, Strategy};
 use kd_trace::WideTree;
 use serde_json::{Value, json};
 
@@ -38,12 +38,18 @@ const SEED: [(usize, [f64; 6]); 10] = [
 ];
 
 /// Ways to make a frame of what has moved.
-const WAYS: [(&str, Strategy); 5] = [
+const WAYS: [(&str, Strategy); 8] = [
     ("merge", Strategy::Merge(MergeMethod::Guided)),
     ("auto", Strategy::Auto),
     ("refit", Strategy::Refit),
     ("instances", Strategy::Instances),
     ("dual", Strategy::Dual),
+    (
+        "partition trees",
+        Strategy::Merge(MergeMethod::PartitionTrees),
+    ),
+    ("BSP merge", Strategy::Merge(MergeMethod::BspMerge)),
+    ("insertion", Strategy::Merge(MergeMethod::Insertion)),
 ];
 const MERGE: usize = 0;
 const AUTO: usize = 1;
@@ -73,6 +79,8 @@ struct FrameFigures {
     rebuild_batch_ms: f64,
     ways: Vec<WayFigures>,
     embree: Vec<EmbreeFigures>,
+    /// Building a tree where rays go and tracing them, over building all of it by `best` and tracing.
+    lazy: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -276,6 +284,7 @@ impl<'a> Bench<'a> {
             label: label.to_owned(),
             frame: self.frame,
             dynamic_ms: self.dynamic_ms()?,
+            lazy: self.lazy()?,
             rebuild_ms,
             rebuild_trace_ms: median(&rebuild_trace_ms),
             rebuild_batch_ms: median(&rebuild_batch_ms),
@@ -309,6 +318,26 @@ impl<'a> Bench<'a> {
         self.animation.set(scene, parts, self.frame)?;
         black_box(scene.commit()?);
         Ok(start.elapsed().as_secs_f64())
+    }
+
+    /// A tree that is built where rays go, from nothing to the last ray, over the best one. (As many rays as are traced here,
+    /// not all of a picture.)
+    fn lazy(&self) -> anyhow::Result<f64> {
+        let options = &builders()[BEST].1;
+        let pairs = measure::timed_in_pairs(
+            self.repeats,
+            || -> anyhow::Result<f64> {
+                let build = build_seconds(&self.whole, options)?;
+                Ok(build + Traced::Tree(&self.best).seconds(&self.rays, false))
+            },
+            || {
+                let start = Instant::now();
+                let tree = LazyTree::new(Arc::clone(&self.whole), options)?;
+                let build = start.elapsed().as_secs_f64();
+                Ok(build + Traced::Lazy(&tree).seconds(&self.rays, false))
+            },
+        )?;
+        Ok(median_ratio(&pairs.own, &pairs.baseline))
     }
 
     /// What an update by merging builds.
@@ -525,6 +554,11 @@ fn ratios(figures: &[FrameFigures]) -> Table {
             );
         }
     }
+    row(
+        "lazy: building and tracing / `best`".into(),
+        Goal::None,
+        &|f| Some(f.lazy),
+    );
     row("`best`: trace, ms".into(), Goal::None, &|f| {
         Some(f.rebuild_trace_ms)
     });

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use kd::{FrameData, Hit, KdTree, PartId, Ray};
+use kd::{FrameData, Hit, KdTree, LazyTree, PartId, Ray};
 
 use super::mirrors::{Batch, Mirrors};
 #[cfg(feature = "peers")]
@@ -12,6 +12,7 @@ use crate::peers;
 /// What rays can go through.
 pub(super) enum Traced<'a> {
     Tree(&'a KdTree),
+    Lazy(&'a LazyTree),
     Frame(&'a FrameData),
     #[cfg(feature = "peers")]
     Embree(&'a peers::EmbreeMoving),
@@ -71,7 +72,7 @@ impl Traced<'_> {
     /// together, from the camera and to the light.
     fn most_batches(&self) -> usize {
         match self {
-            Self::Tree(_) | Self::Frame(_) => usize::MAX,
+            Self::Tree(_) | Self::Lazy(_) | Self::Frame(_) => usize::MAX,
             #[cfg(feature = "peers")]
             Self::Embree(_) => 2,
         }
@@ -91,6 +92,11 @@ impl Traced<'_> {
                     *hit = tree.intersect(ray);
                 }
             }
+            Self::Lazy(tree) => {
+                for (ray, hit) in rays.iter().zip(hits) {
+                    *hit = tree.intersect(ray);
+                }
+            }
             Self::Frame(frame) if in_batches => frame.intersect_batch(rays, parts),
             Self::Frame(frame) => {
                 for (ray, hit) in rays.iter().zip(parts) {
@@ -106,6 +112,11 @@ impl Traced<'_> {
         match self {
             Self::Tree(tree) if in_batches => tree.occluded_batch(rays, flags),
             Self::Tree(tree) => {
+                for (ray, flag) in rays.iter().zip(flags) {
+                    *flag = tree.occluded(ray);
+                }
+            }
+            Self::Lazy(tree) => {
                 for (ray, flag) in rays.iter().zip(flags) {
                     *flag = tree.occluded(ray);
                 }

@@ -8,9 +8,9 @@ use super::box_tree::Item;
 
 /// Parts of an axis, between which a division may be: of many items, and of few, for which looking at every part takes
 /// longer than at every item.
-const BINS: usize = 16;
-const BINS_OF_FEW: usize = 8;
-const FEW: usize = 24;
+const BINS: usize = 32;
+const BINS_OF_FEW: usize = 16;
+const FEW: usize = 48;
 
 /// Adding it leaves the nearest integer in the lowest bits.
 const TO_INTEGER: f32 = (1 << 23) as f32;
@@ -147,9 +147,9 @@ impl ObjectSplit {
 
 /// The last bin for so many items.
 fn most_bin(items: &[Item]) -> u32 {
-    if items.len() > FEW { 15 } else { 7 }
+    if items.len() > FEW { 31 } else { 15 }
 }
-const _: () = assert!(BINS == 16 && BINS_OF_FEW == 8, "the last bins");
+const _: () = assert!(BINS == 32 && BINS_OF_FEW == 16, "the last bins");
 
 /// Before which bin to divide, and what that costs. The first and the last bin are never empty, so neither part is.
 #[inline(always)]
