@@ -3,7 +3,7 @@
 use glam::Vec3;
 use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_sah::{BuildOptions, build};
-use kd_trace::{Level, PackedTree, WideTree, brute_force};
+use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force};
 
 /// Three sheets of small triangles, one behind the other.
 fn sheets() -> Mesh {
@@ -51,6 +51,30 @@ fn rays() -> Vec<Ray> {
     camera.chain(shadows).chain(mixed).collect()
 }
 
+/// The sheets as parts of a forest, of which one has moved there and back, and one was taken out and put in again.
+fn joined(mesh: &Mesh) -> WideForest {
+    let third = mesh.len() / 3;
+    let part = |sheet: usize| {
+        let triangles = mesh.triangles()[sheet * third..][..third].to_vec();
+        Mesh::new(mesh.positions().to_vec(), triangles).expect("a part of a mesh")
+    };
+    let first = |sheet: usize| u32::try_from(sheet * third).expect("few");
+    let mut forest = WideForest::new();
+    for sheet in 0..3 {
+        forest.push(&WideTree::from_objects(&part(sheet)), first(sheet));
+    }
+    let moved = part(1).transformed(&glam::Affine3A::from_rotation_x(2.0));
+    forest.refit(1, &moved.expect("finite"), first(1));
+    forest.join(Join::default());
+    forest.refit(1, &part(1), first(1));
+    let mut other = WideForest::new();
+    other.push_copy(&forest, 2);
+    forest.truncate(2);
+    forest.push_copy(&other, 0);
+    forest.join(Join::default());
+    forest
+}
+
 #[test]
 fn every_way_to_ask_gives_the_same_answers() {
     let mesh = sheets();
@@ -69,12 +93,15 @@ fn every_way_to_ask_gives_the_same_answers() {
     for level in [Level::detect(), Level::portable()] {
         let packed = PackedTree::new(&tree, &mesh).with_level(level);
         let wide = WideTree::new(&tree, &mesh).with_level(level);
+        let forest = joined(&mesh).with_level(level);
         let (mut few, mut expected_few) = (Vec::new(), Vec::new());
         for (i, ray) in rays.iter().enumerate() {
             assert_eq!(packed.intersect(ray), expected[i], "{level}, packed, {i}");
             assert_eq!(wide.intersect(ray), expected[i], "{level}, {i}");
             assert_eq!(packed.occluded(ray), any[i], "{level}, packed, {i}");
             assert_eq!(wide.occluded(ray), any[i], "{level}, {i}");
+            let forest = forest.tree();
+            assert_eq!(forest.intersect(ray), expected[i], "{level}, joined, {i}");
             wide.hits(ray, 2, &mut few);
             brute_force::hits(&mesh, ray, 2, &mut expected_few);
             assert_eq!(few, expected_few, "{level}, {i}");

@@ -105,7 +105,9 @@ pub(super) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
 impl Joiner<'_> {
     /// Adds the boxes of what lies in a place. `divisions` is how often that was divided.
     fn add(&mut self, mut items: Vec<Item>, divisions: usize) -> Added {
-        self.open(&mut items);
+        if divisions < MOST_DIVISIONS {
+            self.open(&mut items);
+        }
         if items.len() == 1 {
             return self.boxes.add_leaf(&items, self.per_area);
         }

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use kd_core::{Hit, Mesh, Ray, Tree};
-use kd_trace::{Level, PackedTree, WideTree, brute_force, lazy};
+use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force, lazy};
 
 use crate::cells::CutTree;
 
@@ -11,7 +11,7 @@ use crate::cells::CutTree;
 pub(crate) struct Subject {
     tree: Tree,
     packed: [PackedTree; 2],
-    wide: [WideTree; 2],
+    wide: [WideTree; 3],
     cut: [CutTree; 2],
 }
 
@@ -25,12 +25,36 @@ impl Subject {
             wide: [
                 WideTree::new(&tree, mesh),
                 by_planes.with_level(Level::portable()),
+                joined(mesh),
             ],
             cut: CutTree::both(&tree, mesh),
             packed: [packed, portable],
             tree,
         }
     }
+}
+
+/// Three parts, of which one was refitted and one copied from another forest.
+fn joined(mesh: &Mesh) -> WideTree {
+    let third = mesh.len().div_ceil(3).max(1);
+    let (mut forest, mut other) = (WideForest::new(), WideForest::new());
+    let mut first = 0;
+    for (number, triangles) in mesh.triangles().chunks(third).enumerate() {
+        let part = Mesh::new(mesh.positions().to_vec(), triangles.to_vec());
+        let part = part.expect("a part of a mesh");
+        let tree = WideTree::from_objects(&part);
+        if number == 1 {
+            other.push(&tree, 0);
+            forest.push_copy(&other, 0);
+            forest.add_to_slots(1, first);
+            forest.refit(1, &part, first);
+        } else {
+            forest.push(&tree, first);
+        }
+        first += u32::try_from(triangles.len()).expect("few");
+    }
+    forest.join(Join::default());
+    forest.tree().clone()
 }
 
 impl Deref for Subject {

@@ -6,11 +6,12 @@ use kd_core::{Aabb, Mesh};
 use kd_trace::{Join, Joined};
 
 use super::frame::{FrameData, FramePart, Shape};
-use super::grove::{From, Grove, Wanted};
+use super::grove::{Grove, Origin, Wanted};
 use super::part::Role;
 use super::plan::{MergePlan, Nodes, PartPlan, Plan};
 use super::report::{Action, CommitReport, PartChange, Reason};
 use super::{Scene, Strategy};
+use crate::traced::Traced;
 
 /// What a ray takes for a node that it visits, and what building a triangle takes over refitting it, in nanoseconds on the
 /// machines that kd is measured on. Only their ratio decides anything.
@@ -27,38 +28,9 @@ impl Scene {
         let (meshes, changes, joined) = match plan {
             Plan::Parts(plans) => self.apply_parts(plans),
             Plan::Merged(plan) => self.apply_merge(plan),
-            Plan::Whole(meshes, traced) => {
-                self.show(Shape::Whole(traced));
-                let changes = self
-                    .parts
-                    .iter()
-                    .zip(&meshes)
-                    .map(|(part, mesh)| PartChange {
-                        part: part.id,
-                        triangles: mesh.len(),
-                        action: Action::BuiltWithAll,
-                        reason: Reason::Strategy,
-                    });
-                let changes = changes.collect();
-                (meshes, changes, Joined::default())
-            }
+            Plan::Whole(meshes, traced) => self.apply_whole(meshes, traced),
         };
-        let bounds = around(&meshes);
-        let mut next = 0;
-        let numbered = matches!(self.front.shape, Shape::Whole(_));
-        let parts = self.parts.iter().zip(meshes).map(|(part, mesh)| {
-            let first = if numbered { next } else { part.first_slot };
-            next += u32::try_from(mesh.len()).expect("30 bits count triangles");
-            FramePart {
-                id: part.id,
-                first,
-                mesh,
-            }
-        });
-        let parts: Vec<FramePart> = parts.collect();
-        let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
-        front.parts = parts;
-        front.bounds = bounds;
+        self.note_parts(meshes);
         CommitReport {
             strategy: self.strategy.clone(),
             parts: self.parts.len(),
@@ -68,6 +40,28 @@ impl Scene {
             links: joined.links,
             opened: joined.opened,
             bytes: self.front.bytes(),
+        }
+    }
+
+    /// Tells the frame which triangles are whose.
+    fn note_parts(&mut self, meshes: Vec<Arc<Mesh>>) {
+        let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
+        let are_in_one_mesh = matches!(front.shape, Shape::Whole(_));
+        let mut next = 0;
+        front.bounds = around(&meshes);
+        front.parts.clear();
+        for (part, mesh) in self.parts.iter().zip(meshes) {
+            let first = if are_in_one_mesh {
+                next
+            } else {
+                part.first_slot
+            };
+            next += u32::try_from(mesh.len()).expect("30 bits count triangles");
+            front.parts.push(FramePart {
+                id: part.id,
+                first,
+                mesh,
+            });
         }
     }
 
@@ -84,6 +78,23 @@ impl Scene {
             ..FrameData::default()
         };
         self.back = Some(std::mem::replace(&mut self.front, Arc::new(frame)));
+    }
+
+    fn apply_whole(
+        &mut self,
+        meshes: Vec<Arc<Mesh>>,
+        traced: Box<Traced>,
+    ) -> (Vec<Arc<Mesh>>, Vec<PartChange>, Joined) {
+        self.show(Shape::Whole(traced));
+        let pairs = self.parts.iter().zip(&meshes);
+        let changes = pairs.map(|(part, mesh)| PartChange {
+            part: part.id,
+            triangles: mesh.len(),
+            action: Action::BuiltWithAll,
+            reason: Reason::Strategy,
+        });
+        let changes = changes.collect();
+        (meshes, changes, Joined::default())
     }
 
     fn apply_merge(&mut self, plan: MergePlan) -> (Vec<Arc<Mesh>>, Vec<PartChange>, Joined) {
@@ -142,24 +153,21 @@ impl Scene {
                 self.parts[place].built = self.commits;
             }
         }
-        let mut wanted: Vec<Vec<Wanted<'_>>> = Vec::new();
-        wanted.resize_with(
-            if self.strategy == Strategy::Dual {
-                2
-            } else {
-                1
-            },
-            Vec::new,
-        );
+        let count = if self.strategy == Strategy::Dual {
+            2
+        } else {
+            1
+        };
+        let mut wanted: Vec<Vec<Wanted<'_>>> = (0..count).map(|_| Vec::new()).collect();
         for ((part, mesh), nodes) in self.parts.iter().zip(meshes).zip(nodes) {
             let is_second = self.strategy == Strategy::Dual && part.role != Role::Static;
             wanted[usize::from(is_second)].push(Wanted {
                 key: part.key(),
                 mesh,
-                from: match nodes {
-                    Nodes::Kept => From::Before,
-                    Nodes::New(tree) => From::New(tree),
-                    Nodes::Shared(original) => From::Other(self.parts[*original].key()),
+                origin: match nodes {
+                    Nodes::Kept => Origin::Before,
+                    Nodes::New(tree) => Origin::New(tree),
+                    Nodes::Shared(original) => Origin::Other(self.parts[*original].key()),
                 },
             });
         }
@@ -168,10 +176,10 @@ impl Scene {
         }
         let own = Arc::get_mut(&mut self.front).map(|front| std::mem::take(&mut front.shape));
         let (mut groves, before) = match own {
-            Some(Shape::Groves(groves)) if groves.len() == wanted.len() => (groves, Vec::new()),
-            Some(Shape::Groves(groves)) => (new_groves(wanted.len()), groves),
-            Some(Shape::Whole(_) | Shape::Merged(_)) => (new_groves(wanted.len()), Vec::new()),
-            None => (self.take_back(wanted.len()), Vec::new()),
+            Some(Shape::Groves(groves)) if groves.len() == count => (groves, Vec::new()),
+            Some(Shape::Groves(groves)) => (new_groves(count), groves),
+            Some(Shape::Whole(_) | Shape::Merged(_)) => (new_groves(count), Vec::new()),
+            None => (self.take_back(count), Vec::new()),
         };
         let front = match &self.front.shape {
             Shape::Groves(groves) => groves.as_slice(),

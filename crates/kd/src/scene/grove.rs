@@ -32,12 +32,12 @@ pub(super) struct Key {
 pub(super) struct Wanted<'a> {
     pub(super) key: Key,
     pub(super) mesh: &'a Arc<Mesh>,
-    pub(super) from: From<'a>,
+    pub(super) origin: Origin<'a>,
 }
 
 /// Where nodes come from.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum From<'a> {
+pub(super) enum Origin<'a> {
     /// The frame before.
     Before,
     /// They have just been built, with triangles numbered from 0.
@@ -74,14 +74,14 @@ impl Grove {
         let own = self.split_off(same, &wanted[same..]);
         // Whose nodes there are, and where their triangles were.
         let mut states = self.trees.clone();
-        for Wanted { key, from, .. } in &wanted[same..] {
-            let state = match from {
-                From::New(tree) => {
+        for Wanted { key, origin, .. } in &wanted[same..] {
+            let state = match origin {
+                Origin::New(tree) => {
                     self.forest.push(tree, key.first_slot);
                     *key
                 }
-                From::Before => self.push_found(key, &own, others),
-                From::Other(of) => match self.position(of) {
+                Origin::Before => self.push_found(key, &own, others),
+                Origin::Other(of) => match self.position(of) {
                     Some(number) => {
                         self.forest.push_again(number);
                         states[number]
