@@ -213,6 +213,7 @@ impl<'a> Bench<'a> {
         for (_, strategy) in WAYS {
             let mut scene = Scene::new(builders()[BEST].1.clone());
             scene.set_strategy(strategy);
+            scene.set_ray_budget(rays.of_whole_picture());
             scene.add_static(Arc::clone(&animation.fixed))?;
             let groups = animation.groups.iter();
             let parts = groups.map(|mesh| scene.add_dynamic(Arc::clone(mesh)));
@@ -283,7 +284,7 @@ impl<'a> Bench<'a> {
         Ok(FrameFigures {
             label: label.to_owned(),
             frame: self.frame,
-            dynamic_ms: self.dynamic_ms()?,
+            dynamic_ms: self.dynamic_part()? * ways[MERGE].update_ms,
             lazy: self.lazy()?,
             rebuild_ms,
             rebuild_trace_ms: median(&rebuild_trace_ms),
@@ -340,17 +341,22 @@ impl<'a> Bench<'a> {
         Ok(median_ratio(&pairs.own, &pairs.baseline))
     }
 
-    /// What an update by merging builds.
-    fn dynamic_ms(&self) -> anyhow::Result<f64> {
+    /// Which part of an update by merging it is to build what moves.
+    fn dynamic_part(&mut self) -> anyhow::Result<f64> {
         let moved = self.animation.moved(self.frame)?;
-        let times = (0..self.repeats.pairs).map(|_| {
+        let build = || {
             let start = Instant::now();
             for mesh in &moved {
                 black_box(WideTree::from_objects(mesh));
             }
-            1e3 * start.elapsed().as_secs_f64()
-        });
-        Ok(median(&times.collect::<Vec<_>>()))
+            Ok(start.elapsed().as_secs_f64())
+        };
+        let repeats = Repeats {
+            pairs: 4 * self.repeats.pairs + 1,
+            ..self.repeats
+        };
+        let pairs = measure::timed_in_pairs(repeats, || self.update(MERGE), build)?;
+        Ok(median_ratio(&pairs.own, &pairs.baseline))
     }
 
     #[cfg(feature = "peers")]

@@ -53,6 +53,20 @@ impl Mirrors {
         }
         Self { batches, scale }
     }
+
+    /// How many rays the whole picture takes, about.
+    pub(crate) fn of_whole_picture(&self) -> u64 {
+        let lens = self.batches.iter().map(|batch| match batch {
+            Batch::Closest(rays) | Batch::Any(rays) => rays.len(),
+        });
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a few million"
+        )]
+        let all = (lens.sum::<usize>() as f64 * self.scale) as u64;
+        all
+    }
 }
 
 /// Every so many tiles of the picture.

@@ -413,7 +413,10 @@ impl Input {
         unsafe { (functions.set_scene_quality)(scene, of_scene as c_int) };
         // SAFETY: the scene is valid, and the flags are of its enumeration.
         unsafe { (functions.set_scene_flags)(scene, purpose as c_int) };
-        handles.attach(mesh, of_mesh)?;
+        // Embree has no buffers of nothing.
+        if !mesh.is_empty() {
+            handles.attach(mesh, of_mesh)?;
+        }
         handles.check()?;
         Ok(Self(handles))
     }

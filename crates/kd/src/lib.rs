@@ -72,6 +72,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # Things that move
+//!
+//! A [`Scene`] has parts that stand still and parts that move. A [`commit`](Scene::commit) makes a [`Frame`] of them, which
+//! has the same queries and tells the part with each hit. What stands still is laid out once and shared by all frames; how
+//! what moves follows is the [`Strategy`]'s choice, and [`CommitReport`] tells what was done. A
+//! [`snapshot`](Scene::snapshot) can be traced while the next frame is made.
+//!
 //! # Looking inside
 //!
 //! Rays are traced through nodes of eight children that are made from the tree ([`WideTree`]), by AVX2 instructions where
