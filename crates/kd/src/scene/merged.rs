@@ -37,6 +37,11 @@ impl MergedTrees {
         &self.packed
     }
 
+    /// Whether there is a tree of what stands still.
+    pub(super) fn has_still_tree(&self) -> bool {
+        self.still_tree.is_some()
+    }
+
     /// Whether the trees of what stands still are those of these parts.
     pub(super) fn has_still(&self, parts: &[MergedPart<'_>], end: u32) -> bool {
         let still = parts.iter().filter(|part| part.is_still);
@@ -72,8 +77,8 @@ impl MergedTrees {
         Ok(())
     }
 
-    /// Merges the trees of what moves, in the order of `parts`, into what stands still. (`trees` is not looked at by
-    /// [`MergeMethod::Insertion`].)
+    /// Merges the trees of what moves, in the order of `parts`, into what stands still. ([`MergeMethod::Insertion`] looks at
+    /// none if [there is](Self::has_still_tree) something that stands still.)
     pub(super) fn merge<'t>(
         &mut self,
         method: MergeMethod,

@@ -117,9 +117,11 @@ impl Scene {
                 all
             }
         };
+        // Triangles that are inserted one by one need no tree of their own, where there is one to insert them into.
+        let inserts = method == MergeMethod::Insertion && trees.has_still_tree();
         let fast = BuildOptions::fast().with_threads(self.options.threads());
         let moving = self.each_part(|place, part| {
-            if part.role == Role::Static {
+            if part.role == Role::Static || inserts {
                 return Ok(None);
             }
             let key = parts[place].key;
@@ -133,6 +135,13 @@ impl Scene {
         for (done, tree) in done.iter_mut().zip(&moving) {
             if let Some((.., true)) = tree {
                 *done = Some((Action::BuiltFast, Reason::Strategy));
+            }
+        }
+        if inserts {
+            for (done, part) in done.iter_mut().zip(&self.parts) {
+                if part.role != Role::Static && part.is_changed {
+                    *done = Some((Action::Inserted, Reason::Strategy));
+                }
             }
         }
         let moving = moving.into_iter().flatten();

@@ -52,6 +52,8 @@ pub enum Action {
     BuiltFast,
     /// Boxes were fitted to where its triangles are.
     Refitted,
+    /// Sent down the kd-tree of what stands still, triangle by triangle.
+    Inserted,
     /// Built anew together with all others.
     BuiltWithAll,
 }
@@ -94,6 +96,7 @@ impl fmt::Display for PartChange {
             Action::Built => "built",
             Action::BuiltFast => "built fast",
             Action::Refitted => "refitted",
+            Action::Inserted => "inserted",
             Action::BuiltWithAll => "built with all others",
         };
         write!(f, "{}, {} triangles: {done}, ", self.part, self.triangles)?;

@@ -112,6 +112,8 @@ impl Arrays {
             self.nodes.len() - part.nodes.start,
             self.blocks.len() - part.blocks.start,
         );
+        reserve(&mut self.nodes, part.nodes.len());
+        reserve(&mut self.blocks, part.blocks.len());
         self.nodes.extend_from_within(part.nodes());
         self.blocks.extend_from_within(part.blocks());
         self.end_part(part.root, by);
