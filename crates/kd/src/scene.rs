@@ -86,7 +86,7 @@ pub struct Scene {
     front: Arc<FrameData>,
     /// A frame before that, which may still be traced.
     back: Option<Arc<FrameData>>,
-    /// The kd-trees of parts that move, where frames are made by merging kd-trees.
+    /// The kd-trees of parts that move, in the order of their ids, where frames are made by merging kd-trees.
     moving_trees: Vec<(Key, Arc<Tree>)>,
 }
 
@@ -156,7 +156,11 @@ impl Scene {
         if !transform.is_finite() {
             return Err(SceneError::NotFinite { part: of });
         }
-        self.add(Role::Instance(original), mesh, transform)
+        let instance = self.add(Role::Instance(original), mesh, transform)?;
+        if let Ok(original) = self.part_mut(original) {
+            original.has_instances = true;
+        }
+        Ok(instance)
     }
 
     /// Gives a part other positions, one for each vertex of its mesh and before its transform, from the next commit on; its
@@ -174,9 +178,11 @@ impl Scene {
         let mesh = changed.mesh.with_positions(positions.to_vec());
         let mesh = Arc::new(mesh.map_err(|error| SceneError::Mesh { part, error })?);
         changed.set_mesh(&mesh);
-        for other in &mut self.parts {
-            if other.role == Role::Instance(part) {
-                other.set_mesh(&mesh);
+        if changed.has_instances {
+            for other in &mut self.parts {
+                if other.role == Role::Instance(part) {
+                    other.set_mesh(&mesh);
+                }
             }
         }
         Ok(())
@@ -307,5 +313,48 @@ impl Scene {
 
     fn part_mut(&mut self, part: PartId) -> Result<&mut Part, SceneError> {
         self.place(part).map(|place| &mut self.parts[place])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kd_core::Ray;
+
+    use super::*;
+
+    #[test]
+    fn numbers_of_triangles_that_run_out_are_given_again() {
+        let at = |z: f32| {
+            let corners = vec![[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+            Mesh::new(corners, vec![[0, 1, 2], [0, 1, 2]]).expect("valid")
+        };
+        for strategy in [
+            Strategy::Auto,
+            Strategy::Merge(MergeMethod::PartitionTrees),
+            Strategy::Merge(MergeMethod::Insertion),
+        ] {
+            let mut scene = Scene::new(BuildOptions::fast());
+            scene.set_strategy(strategy.clone());
+            let mut parts = vec![scene.add_static(at(0.0)).expect("fits")];
+            scene.commit().expect("a frame");
+            // As after four thousand million triangles that came and went.
+            scene.next_slot = u32::MAX - 3;
+            for z in [1.0, 2.0] {
+                parts.push(scene.add_dynamic(at(z)).expect("fits"));
+                scene.commit().expect("a frame");
+            }
+            let slots: Vec<u32> = scene.parts.iter().map(|part| part.first_slot).collect();
+            assert_eq!(slots, [0, 2, 4], "{strategy:?}: from the first on");
+            let mut hits = Vec::new();
+            let ray = Ray::new([0.2, 0.2, 9.0], [0.0, 0.0, -1.0]);
+            scene.frame().hits(&ray, usize::MAX, &mut hits);
+            let met: Vec<_> = hits
+                .iter()
+                .map(|(part, hit)| (*part, hit.triangle))
+                .collect();
+            let parts = parts.iter().rev();
+            let expected: Vec<_> = parts.flat_map(|part| [(*part, 0), (*part, 1)]).collect();
+            assert_eq!(met, expected, "{strategy:?}");
+        }
     }
 }

@@ -36,6 +36,8 @@ pub(super) struct Part {
     /// Before the transform.
     pub(super) mesh: Arc<Mesh>,
     pub(super) transform: Affine3A,
+    /// Whether it was made an instance of, so that others may have to change with it.
+    pub(super) has_instances: bool,
     /// Whether the mesh or the transform is another one than at the last commit.
     pub(super) is_changed: bool,
     /// The number of its first triangle.
@@ -61,6 +63,7 @@ impl Part {
             role,
             mesh,
             transform,
+            has_instances: false,
             is_changed: true,
             first_slot,
             built: 0,

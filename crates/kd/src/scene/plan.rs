@@ -63,7 +63,8 @@ impl Scene {
             return self.plan_merge(method, meshes).map(Plan::Merged);
         }
         if let Strategy::Rebuild(options) = &self.strategy {
-            let mesh = concatenated(&meshes);
+            let all = Mesh::concatenated(meshes.iter().map(|mesh| &**mesh));
+            let mesh = all.expect("parts have no more triangles than one mesh may have");
             let tree = kd_sah::build(&mesh, options);
             let tree = tree.map_err(|error| CommitError::Rebuild { error })?;
             let traced = Traced::of_options(&tree, &mesh, options);
@@ -125,10 +126,12 @@ impl Scene {
                 return Ok(None);
             }
             let key = parts[place].key;
-            let known = self.moving_trees.iter().find(|(known, _)| *known == key);
+            let known = &self.moving_trees;
+            let known = known.binary_search_by_key(&key.part, |(known, _)| known.part);
+            let known = known.ok().map(|place| &self.moving_trees[place]);
             let (tree, is_new) = match known {
-                Some((_, tree)) => (Arc::clone(tree), false),
-                None => (Arc::new(self.build_kd(part, &meshes[place], &fast)?), true),
+                Some((known, tree)) if *known == key => (Arc::clone(tree), false),
+                _ => (Arc::new(self.build_kd(part, &meshes[place], &fast)?), true),
             };
             Ok(Some((key, tree, is_new)))
         })?;
@@ -304,17 +307,4 @@ impl FrameData {
             Shape::Whole(_) | Shape::Merged(_) => false,
         }
     }
-}
-
-/// One mesh of all triangles, one part after the other.
-fn concatenated(meshes: &[Arc<Mesh>]) -> Mesh {
-    let mut positions = Vec::with_capacity(meshes.iter().map(|mesh| mesh.positions().len()).sum());
-    let mut triangles = Vec::with_capacity(meshes.iter().map(|mesh| mesh.len()).sum());
-    for mesh in meshes {
-        let first = u32::try_from(positions.len()).expect("32 bits count vertices");
-        positions.extend_from_slice(mesh.positions());
-        let own = mesh.triangles().iter();
-        triangles.extend(own.map(|corners| corners.map(|corner| first + corner)));
-    }
-    Mesh::new(positions, triangles).expect("all of it has been checked")
 }
