@@ -269,20 +269,9 @@ impl Animation {
     /// Everything in a frame as one mesh, what stands still first.
     pub(crate) fn whole(&self, frame: usize) -> anyhow::Result<Mesh> {
         let moved = self.moved(frame)?;
-        concatenated(std::iter::once(&*self.fixed).chain(&moved))
+        let all = std::iter::once(&*self.fixed).chain(&moved);
+        Ok(Mesh::concatenated(all)?)
     }
-}
-
-/// One mesh after the other.
-pub(crate) fn concatenated<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> anyhow::Result<Mesh> {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for mesh in meshes {
-        let first = u32::try_from(positions.len())?;
-        positions.extend_from_slice(mesh.positions());
-        let own = mesh.triangles().iter();
-        triangles.extend(own.map(|triangle| triangle.map(|corner| first + corner)));
-    }
-    Ok(Mesh::new(positions, triangles)?)
 }
 
 /// What a pose of the generated object is called, where it is in extents of the clutter, and its size.
@@ -317,7 +306,7 @@ fn room_around(clutter: &Mesh) -> anyhow::Result<Mesh> {
         .iter()
         .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
     let walls = Mesh::new(positions, triangles.collect())?;
-    concatenated([&walls, clutter].into_iter())
+    Ok(Mesh::concatenated([&walls, clutter])?)
 }
 
 fn floats(path: &Path) -> anyhow::Result<Vec<f32>> {

@@ -152,7 +152,7 @@ fn placed(moving: &Mesh, still: &Mesh, place: Vec3, size: f32) -> anyhow::Result
     let center = to.center() + place * to.extent();
     let moved = |p: &[f32; 3]| (center + scale * (Vec3::from_array(*p) - from.center())).to_array();
     let positions = moving.positions().iter().map(moved).collect();
-    Ok(Mesh::new(positions, moving.triangles().to_vec())?)
+    Ok(moving.with_positions(positions)?)
 }
 
 /// What stands still, with its tree in an arena, and what moves.
@@ -168,17 +168,7 @@ struct Scene {
 
 impl Scene {
     fn new(still: &Mesh, moving: Mesh) -> anyhow::Result<Self> {
-        let first = u32::try_from(still.positions().len())?;
-        let numbered_on = moving.triangles().iter().map(|t| t.map(|i| i + first));
-        let both = Mesh::new(
-            [still.positions(), moving.positions()].concat(),
-            still
-                .triangles()
-                .iter()
-                .copied()
-                .chain(numbered_on)
-                .collect(),
-        )?;
+        let both = Mesh::concatenated([still, &moving])?;
         let mut arena = Arena::new();
         let tree = build(still, &BuildOptions::best())?;
         let tree = arena.append_tree(&tree, 0)?;

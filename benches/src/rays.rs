@@ -49,14 +49,20 @@ const AO_REACH: f32 = 0.1;
 
 /// The rays through a square image, tile by tile and row by row within each. `side` is a multiple of 8.
 pub(crate) fn primary(camera: &Camera, side: u32) -> Vec<Ray> {
-    let view = camera.view(1.0);
-    let tiles = side / TILE;
-    let mut rays = Vec::with_capacity((side as usize).pow(2));
-    for tile in 0..tiles * tiles {
-        let (left, top) = (tile % tiles * TILE, tile / tiles * TILE);
+    picture(camera, [side, side], 1)
+}
+
+/// The rays through every so many tiles of an image, whose sides are multiples of 8.
+pub(crate) fn picture(camera: &Camera, [width, height]: [u32; 2], stride: usize) -> Vec<Ray> {
+    let view = camera.view(width as f32 / height as f32);
+    let across = width / TILE;
+    let tiles = (0..across * (height / TILE)).step_by(stride);
+    let mut rays = Vec::with_capacity(tiles.len() * (TILE * TILE) as usize);
+    for tile in tiles {
+        let (left, top) = (tile % across * TILE, tile / across * TILE);
         for pixel in 0..TILE * TILE {
             let (column, row) = (left + pixel % TILE, top + pixel / TILE);
-            let direction = view.through_pixel(column, row, side, side);
+            let direction = view.through_pixel(column, row, width, height);
             rays.push(Ray::new(view.eye, direction.normalize()));
         }
     }

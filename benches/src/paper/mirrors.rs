@@ -5,13 +5,11 @@ use kd::glam::Vec3;
 use kd::{KdTree, Ray};
 use kd_scene::Camera;
 
-use crate::rays::SurfacePoint;
+use crate::rays::{self, SurfacePoint};
 
 /// The picture, in pixels.
 const WIDTH: u32 = 800;
 const HEIGHT: u32 = 600;
-/// Pixels along the side of a tile.
-const TILE: u32 = 8;
 const BOUNCES: usize = 2;
 
 /// What is traced for a frame, in this order.
@@ -33,7 +31,7 @@ impl Mirrors {
     pub(crate) fn new(tree: &KdTree, camera: &Camera, light: Vec3, limit: usize) -> Self {
         let all = (WIDTH * HEIGHT) as usize;
         let stride = if limit == 0 { 1 } else { all.div_ceil(limit) };
-        let mut closest = picture(camera, stride);
+        let mut closest = rays::picture(camera, [WIDTH, HEIGHT], stride);
         let scale = all as f64 / closest.len() as f64;
         let mut batches = Vec::new();
         for _ in 0..=BOUNCES {
@@ -67,20 +65,4 @@ impl Mirrors {
         let all = (lens.sum::<usize>() as f64 * self.scale) as u64;
         all
     }
-}
-
-/// Every so many tiles of the picture.
-fn picture(camera: &Camera, stride: usize) -> Vec<Ray> {
-    let view = camera.view(WIDTH as f32 / HEIGHT as f32);
-    let across = WIDTH / TILE;
-    let tiles = (0..across * (HEIGHT / TILE)).step_by(stride);
-    let rays = tiles.flat_map(|tile| {
-        let (left, top) = (tile % across * TILE, tile / across * TILE);
-        (0..TILE * TILE).map(move |pixel| {
-            let (column, row) = (left + pixel % TILE, top + pixel / TILE);
-            let direction = view.through_pixel(column, row, WIDTH, HEIGHT);
-            Ray::new(view.eye, direction.normalize())
-        })
-    });
-    rays.collect()
 }

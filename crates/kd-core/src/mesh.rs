@@ -114,6 +114,31 @@ impl Mesh {
         }
     }
 
+    /// All meshes as one: vertices and triangles of each after those of the one before.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError::TooLarge`].
+    ///
+    /// # Panics
+    ///
+    /// If there are 2³² vertices or more, 48 GiB of them.
+    pub fn concatenated<'a>(meshes: impl IntoIterator<Item = &'a Self>) -> Result<Self, MeshError> {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for mesh in meshes {
+            let first = u32::try_from(positions.len()).expect("fewer than 2^32 vertices");
+            positions.extend_from_slice(&mesh.positions);
+            let own = mesh.triangles.iter();
+            triangles.extend(own.map(|corners| corners.map(|corner| first + corner)));
+        }
+        if triangles.len() > MAX_TRIANGLES {
+            return Err(MeshError::TooLarge {
+                triangles: triangles.len(),
+            });
+        }
+        Ok(Self::checked(positions, triangles))
+    }
+
     /// The same triangles over other positions, one for each vertex. Faster than [`new`](Self::new): indices have been
     /// checked.
     ///
@@ -298,6 +323,18 @@ mod tests {
             (1.0, mesh.triangles()),
             "moved"
         );
+    }
+
+    #[test]
+    fn meshes_are_put_one_after_the_other() {
+        let one = Mesh::new(SQUARE.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        let none = Mesh::new(vec![[9.0; 3]], vec![]).expect("valid");
+        let all = Mesh::concatenated([&one, &none, &one]).expect("few");
+        assert_eq!(all.triangles(), [[0, 1, 2], [5, 6, 7]], "numbered on");
+        assert_eq!(all.corners(1), one.corners(0), "the same triangle");
+        assert_eq!(all.bounds(), one.bounds(), "used ones only");
+        let nothing = Mesh::concatenated([]).expect("few");
+        assert!(nothing.bounds().is_empty(), "nothing at all");
     }
 
     #[test]

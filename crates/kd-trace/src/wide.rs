@@ -88,7 +88,8 @@ impl WideTree {
 
     /// Above so many triangles only planes count, if that is told.
     fn with(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Self {
-        let (boxes, _) = boxes_of(tree, mesh, planes_above, is_parallel);
+        let items = items_of_tree(tree, mesh);
+        let (boxes, _) = boxes_of(tree, mesh, items, planes_above, is_parallel);
         Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
     }
 
@@ -99,11 +100,9 @@ impl WideTree {
     ///
     /// As [`new`](Self::new).
     pub fn best(tree: &Tree, mesh: &Mesh, is_parallel: bool) -> Self {
-        let by_planes = || boxes_of(tree, mesh, None, is_parallel);
-        let by_objects = || {
-            let is_there = triangles_of(tree, mesh.len());
-            boxes_of_objects(mesh, &tree.bounds(), is_there, is_parallel)
-        };
+        let items = items_of_tree(tree, mesh);
+        let by_planes = || boxes_of(tree, mesh, items.clone(), None, is_parallel);
+        let by_objects = || boxes_of_objects(items.clone(), &tree.bounds(), is_parallel);
         #[cfg(feature = "parallel")]
         let (planes, objects) = if is_parallel {
             rayon::join(by_planes, by_objects)
@@ -135,8 +134,9 @@ impl WideTree {
     }
 
     fn with_objects(mesh: &Mesh, is_parallel: bool) -> Self {
-        let is_there = vec![true; mesh.len()];
-        let (boxes, _) = boxes_of_objects(mesh, &mesh.bounds(), is_there, is_parallel);
+        let triangles = 0..u32::try_from(mesh.len()).expect("30 bits count triangles");
+        let items = triangles.map(|triangle| Item::whole(triangle, mesh));
+        let (boxes, _) = boxes_of_objects(items.collect(), &mesh.bounds(), is_parallel);
         Self::of_boxes(&boxes, mesh, &mesh.bounds(), is_parallel)
     }
 
@@ -273,8 +273,14 @@ fn triangles_of(tree: &Tree, triangles: usize) -> Vec<bool> {
 /// Boxes, and their SAH cost.
 type Costed = (BoxTree, f32);
 
-/// The boxes of all triangles of a tree.
-fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Costed {
+/// The boxes of all triangles of a tree, which are the items.
+fn boxes_of(
+    tree: &Tree,
+    mesh: &Mesh,
+    items: Vec<Item>,
+    planes_above: Option<usize>,
+    is_parallel: bool,
+) -> Costed {
     let mut boxes = BoxTree::new(Leaves::Triangles);
     let divider = Divider {
         tree,
@@ -286,7 +292,6 @@ fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: 
         is_parallel,
     };
     let _ = is_parallel;
-    let items = items_of(mesh, triangles_of(tree, mesh.len()));
     if items.is_empty() {
         return (boxes, 0.0);
     }
@@ -294,10 +299,9 @@ fn boxes_of(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: 
     (boxes, root.cost())
 }
 
-/// The boxes of some triangles of a mesh, all within `bounds`, divided as objects.
-fn boxes_of_objects(mesh: &Mesh, bounds: &Aabb, is_there: Vec<bool>, is_parallel: bool) -> Costed {
+/// The boxes of triangles, all within `bounds`, divided as objects.
+fn boxes_of_objects(mut items: Vec<Item>, bounds: &Aabb, is_parallel: bool) -> Costed {
     let mut boxes = BoxTree::new(Leaves::Triangles);
-    let mut items = items_of(mesh, is_there);
     if items.is_empty() {
         return (boxes, 0.0);
     }
@@ -305,9 +309,11 @@ fn boxes_of_objects(mesh: &Mesh, bounds: &Aabb, is_there: Vec<bool>, is_parallel
     (boxes, root.cost())
 }
 
-fn items_of(mesh: &Mesh, is_there: Vec<bool>) -> Vec<Item> {
-    let triangles = (0..).zip(is_there).filter(|(_, is_there)| *is_there);
-    triangles
+/// The triangles of a tree, in their boxes.
+fn items_of_tree(tree: &Tree, mesh: &Mesh) -> Vec<Item> {
+    let triangles = (0..).zip(triangles_of(tree, mesh.len()));
+    let there = triangles.filter(|(_, is_in_tree)| *is_in_tree);
+    there
         .map(|(triangle, _)| Item::whole(triangle, mesh))
         .collect()
 }

@@ -29,7 +29,7 @@ impl Counts {
 }
 
 /// What leaves become.
-trait Leaves: Sync {
+trait WriteLeaves: Sync {
     fn counts(&self, items: &[u32]) -> Counts;
 
     /// Writes a leaf, to exactly the space it needs.
@@ -118,7 +118,7 @@ pub(super) fn emit(
     (nodes, blocks, child)
 }
 
-fn emit_leaves<L: Leaves>(
+fn emit_leaves<L: WriteLeaves>(
     boxes: &BoxTree,
     leaves: &L,
     before: Counts,
@@ -148,7 +148,7 @@ fn emit_leaves<L: Leaves>(
     (nodes, blocks, child)
 }
 
-impl<L: Leaves> Emitter<'_, L> {
+impl<L: WriteLeaves> Emitter<'_, L> {
     /// Counts what a part becomes as a child, and notes it for it and for all below it.
     fn count(&mut self, index: u32) -> Counts {
         let counts = if self.boxes.node(index).choice.is_leaf() {
@@ -241,7 +241,7 @@ impl<L: Leaves> Emitter<'_, L> {
     }
 }
 
-impl Leaves for Triangles<'_> {
+impl WriteLeaves for Triangles<'_> {
     fn counts(&self, items: &[u32]) -> Counts {
         counts_of_leaf(items.len())
     }
@@ -251,7 +251,7 @@ impl Leaves for Triangles<'_> {
     }
 }
 
-impl Leaves for Links<'_> {
+impl WriteLeaves for Links<'_> {
     fn counts(&self, _: &[u32]) -> Counts {
         Counts::default()
     }
