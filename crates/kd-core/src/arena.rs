@@ -100,6 +100,9 @@ pub enum TreeError {
         /// The node.
         node: NodeIndex,
     },
+    /// A transform that does more than to translate, and to scale along the axes.
+    #[error("the transform turns or shears, so that planes across axes would no longer be such")]
+    NotAlongAxes,
     /// The box is neither finite nor empty.
     #[error("the bounds are not finite")]
     BadBounds,
@@ -238,7 +241,32 @@ impl Arena {
             });
         }
         let moved = |slot: &Slot| Slot(slot.0 + first_slot);
-        let refs: Vec<Slot> = tree.refs().iter().map(moved).collect();
+        self.append_mapped(tree, moved)
+    }
+
+    /// Appends all of a tree, whose reference `i` becomes `slots[i]`, and gives its root's place. Linear in the tree.
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError::TooLarge`] if it does not fit; the arena is unchanged then.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer slots than the tree has triangles.
+    pub fn append_renumbered(
+        &mut self,
+        tree: &Tree,
+        slots: &[Slot],
+    ) -> Result<NodeIndex, TreeError> {
+        self.append_mapped(tree, |slot| slots[slot.index()])
+    }
+
+    fn append_mapped(
+        &mut self,
+        tree: &Tree,
+        slot: impl Fn(&Slot) -> Slot,
+    ) -> Result<NodeIndex, TreeError> {
+        let refs: Vec<Slot> = tree.refs().iter().map(slot).collect();
         let first = self.append(&tree.arena().pairs, &refs)?;
         Ok(NodeIndex(first.0 + tree.root().0))
     }
@@ -438,10 +466,13 @@ mod tests {
         assert_eq!(arena.refs(), [1, 0, 6, 5].map(Slot), "numbered on");
         assert_eq!(arena.nodes()[4], interior(6), "and its nodes are its own");
         assert_eq!(arena.push_refs(&[Slot(3)]), Ok(4), "behind them");
+        let renumbered = arena.append_renumbered(&tree, &[Slot(4), Slot(2)]);
+        assert_eq!(renumbered, Ok(NodeIndex(8)), "and a third");
+        assert_eq!(arena.refs()[5..], [2, 4].map(Slot), "numbered as told");
         assert_eq!(arena.freeze(7), Ok(()), "all of it is valid");
         let refused = arena.append_tree(&tree, u32::MAX - 1);
         assert!(
-            refused.is_err() && arena.refs().len() == 5,
+            refused.is_err() && arena.refs().len() == 7,
             "{refused:?}: as it was"
         );
     }

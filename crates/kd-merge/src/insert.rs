@@ -3,16 +3,19 @@
 use kd_core::{Aabb, PrimSource, Slot};
 use kd_sah::BuildError;
 
-use crate::Resplit;
+use crate::MergeOptions;
 use crate::draft::{Draft, Subtree, View};
 use crate::partition::{Slots, sides};
+
+/// Primitives below which it does not pay to send those on either side down on a thread of their own.
+const TASK: usize = 32;
 
 /// Adds `slots`, which lie in `cell`, to what is below `subtree`; no path becomes longer than `depth`, as far as leaves that
 /// are divided again make it so.
 pub(crate) fn insert(
     draft: &mut Draft<'_>,
     source: &impl PrimSource,
-    resplit: &Resplit,
+    options: &MergeOptions,
     subtree: Subtree,
     slots: &[Slot],
     cell: &Aabb,
@@ -27,16 +30,19 @@ pub(crate) fn insert(
             all.extend_from_slice(slots);
             all.sort_unstable();
             all.dedup();
-            resplit.leaf(draft, source, &all, cell, depth)
+            options.leaf(draft, source, &all, cell, depth)
         }
         View::Split { axis, split, parts } => {
             let [below, above] = sides(slots, source, cell, axis, split);
             let (lower, upper) = cell.split(axis, split);
             let depth = depth.saturating_sub(1);
             let [a, b] = parts;
-            let a = insert(draft, source, resplit, a, &below, &lower, depth)?;
-            let b = insert(draft, source, resplit, b, &above, &upper, depth)?;
-            Ok(draft.split(axis, split, [a, b]))
+            let parts = draft.both(
+                options.is_parallel && below.len().min(above.len()) >= TASK,
+                |draft| insert(draft, source, options, a, &below, &lower, depth),
+                |draft| insert(draft, source, options, b, &above, &upper, depth),
+            )?;
+            Ok(draft.split(axis, split, parts))
         }
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! ```
 //! use kd_core::{Arena, CostModel, Mesh, Tree};
-//! use kd_merge::{Resplit, bsp_merge};
+//! use kd_merge::{MergeOptions, bsp_merge};
 //! use kd_sah::{BuildOptions, build};
 //!
 //! // A triangle that stands still, and one that will move, numbered on.
@@ -24,7 +24,7 @@
 //! let b = arena.append_tree(&build(&moving, &options)?, 1)?;
 //! arena.freeze(2)?;
 //!
-//! let merged = bsp_merge(&mut arena, [a, b], &both, both.bounds(), &Resplit::default())?;
+//! let merged = bsp_merge(&mut arena, [a, b], &both, both.bounds(), &MergeOptions::default())?;
 //! arena.freeze(2)?;
 //! let tree = Tree::from_arena(arena, merged.root, both.bounds(), CostModel::PACKED)?;
 //! tree.check_coverage(&both)?;
@@ -39,21 +39,27 @@
 //! | [`partition`] | §3.2, Alg. 7 | cuts a tree in two at a plane |
 //! | [`bsp_merge`] | §3.3, Alg. 8 | cuts the second tree by the planes of the first |
 //! | [`partition_trees`] | §3.4, Alg. 9 | sweeps over boxes of trees, dissolves those that overlap |
+//! | [`build_clusters`] | ch. 5 | a tree for each of many clusters, for [`partition_trees`] to merge |
 //! | [`insert`] | §3.5 | sends the primitives of the second tree down the first |
 //!
 //! Primitives are told by one [`PrimSource`](kd_core::PrimSource) whose numbers are the slots of references: those of all trees.
 #![forbid(unsafe_code)]
 
 mod census;
+mod clusters;
 mod draft;
 mod estimate;
 mod insert;
 mod merge;
+mod options;
 mod partition;
 mod partition_trees;
 mod resplit;
+mod tasks;
 
 pub use census::Census;
 pub use estimate::{Sides, estimate};
-pub use merge::{MergeError, Merged, Placed, bsp_merge, insert, partition, partition_trees};
-pub use resplit::Resplit;
+pub use merge::{
+    MergeError, Merged, Placed, bsp_merge, build_clusters, insert, partition, partition_trees,
+};
+pub use options::MergeOptions;

@@ -4,10 +4,11 @@ use kd_core::{Aabb, Arena, Axis, MAX_DEPTH, NodeIndex, PrimSource, Slot, TreeErr
 use kd_sah::BuildError;
 use thiserror::Error;
 
+use crate::clusters::clusters;
 use crate::draft::{Draft, Subtree, View};
 use crate::partition::{Slots, cut};
 use crate::partition_trees::{Item, TreePartition};
-use crate::{Census, Resplit, insert as inserting};
+use crate::{Census, MergeOptions, insert as inserting, tasks};
 
 /// A tree that was put together: fresh in its arena, until that is frozen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,8 +77,8 @@ pub fn partition(
         axis,
         position,
     );
-    let finished = draft.finish();
-    let [below, above] = parts.map(|part| finished.write(arena, part));
+    let (fresh, counts) = draft.finish();
+    let [below, above] = parts.map(|part| fresh.write(counts, arena, part));
     Ok([below?, above?])
 }
 
@@ -94,13 +95,16 @@ pub fn insert(
     slots: &[Slot],
     source: &impl PrimSource,
     bounds: Aabb,
-    resplit: &Resplit,
+    options: &MergeOptions,
 ) -> Result<Merged, MergeError> {
     check_frozen(arena, tree)?;
     let mut draft = Draft::new(arena);
     let tree = Subtree::Linked(tree);
-    let root = inserting::insert(&mut draft, source, resplit, tree, slots, &bounds, MAX_DEPTH)?;
-    Ok(draft.finish().write(arena, root)?)
+    let root = tasks::in_pool(options.is_parallel, || {
+        inserting::insert(&mut draft, source, options, tree, slots, &bounds, MAX_DEPTH)
+    })?;
+    let (fresh, counts) = draft.finish();
+    Ok(fresh.write(counts, arena, root)?)
 }
 
 /// Merges two trees: the second is cut by the planes of the first, and where one has come to a leaf, its primitives are sent
@@ -118,19 +122,19 @@ pub fn bsp_merge(
     trees: [NodeIndex; 2],
     source: &impl PrimSource,
     bounds: Aabb,
-    resplit: &Resplit,
+    options: &MergeOptions,
 ) -> Result<Merged, MergeError> {
     for tree in trees {
         check_frozen(arena, tree)?;
     }
-    let mut merger = BspMerger {
-        draft: Draft::new(arena),
-        source,
-        resplit,
-    };
+    let merger = BspMerger { source, options };
+    let mut draft = Draft::new(arena);
     let [a, b] = trees.map(Subtree::Linked);
-    let root = merger.merge(a, b, &bounds, MAX_DEPTH)?;
-    Ok(merger.draft.finish().write(arena, root)?)
+    let root = tasks::in_pool(options.is_parallel, || {
+        merger.merge(&mut draft, a, b, &bounds, MAX_DEPTH)
+    })?;
+    let (fresh, counts) = draft.finish();
+    Ok(fresh.write(counts, arena, root)?)
 }
 
 /// Merges any number of trees by the surface area heuristic over their boxes. (Eleftheriades 2010, §3.4, algorithm 9.)
@@ -152,7 +156,7 @@ pub fn partition_trees(
     census: &Census,
     trees: &[Placed],
     source: &impl PrimSource,
-    resplit: &Resplit,
+    options: &MergeOptions,
 ) -> Result<Merged, MergeError> {
     for tree in trees {
         check_frozen(arena, tree.root)?;
@@ -167,10 +171,74 @@ pub fn partition_trees(
     let mut partition = TreePartition {
         draft: &mut draft,
         source,
-        resplit,
+        options,
     };
-    let root = partition.partition(items.collect(), &bounds, false, MAX_DEPTH)?;
-    Ok(draft.finish().write(arena, root)?)
+    let items = items.collect();
+    let root = tasks::in_pool(options.is_parallel, || {
+        partition.partition(items, &bounds, false, MAX_DEPTH)
+    })?;
+    let (fresh, counts) = draft.finish();
+    Ok(fresh.write(counts, arena, root)?)
+}
+
+/// Builds a tree over each of some clusters of primitives, of at most `most` each (unless more have the same centre), whose
+/// boxes overlap little. (Eleftheriades 2010, chapter 5, where it is future work: cluster, build, merge.)
+///
+/// The trees are appended, are fresh, and are to be frozen. [`partition_trees`] merges them, with others or alone, and finds
+/// planes between most of them: so what overlaps is dissolved only as far as its clusters do. O(n log n) for n primitives to find
+/// clusters, and what the options' builder takes.
+///
+/// ```
+/// use kd_core::{Arena, CostModel, Mesh, Slot, Tree};
+/// use kd_merge::{Census, MergeOptions, build_clusters, partition_trees};
+///
+/// let triangle = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
+/// let positions: Vec<[f32; 3]> = (0..30_u8).flat_map(|i| triangle(f32::from(i))).collect();
+/// let triangles = (0..30).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+/// let mesh = Mesh::new(positions, triangles)?;
+/// let slots: Vec<Slot> = (0..30).map(Slot).collect();
+///
+/// let options = MergeOptions::default();
+/// let mut arena = Arena::new();
+/// let clusters = build_clusters(&mut arena, &slots, &mesh, 10, &options)?;
+/// arena.freeze(30)?;
+/// assert_eq!(clusters.len(), 4);
+///
+/// let mut census = Census::new();
+/// census.extend(arena.nodes());
+/// let merged = partition_trees(&mut arena, &census, &clusters, &mesh, &options)?;
+/// arena.freeze(30)?;
+/// let tree = Tree::from_arena(arena, merged.root, mesh.bounds(), CostModel::PACKED)?;
+/// tree.check_coverage(&mesh)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+///
+/// If the arena is full, or a cluster cannot be built. What has been written is fresh, and can be truncated.
+///
+/// # Panics
+///
+/// If the source has no primitive of that number.
+pub fn build_clusters(
+    arena: &mut Arena,
+    slots: &[Slot],
+    source: &impl PrimSource,
+    most: usize,
+    options: &MergeOptions,
+) -> Result<Vec<Placed>, MergeError> {
+    let clusters = clusters(slots, source, most);
+    let trees = tasks::map(&clusters, options.is_parallel, |cluster| {
+        options.build(source, &cluster.slots, &cluster.bounds, MAX_DEPTH)
+    });
+    let placed = clusters.iter().zip(trees).map(|(cluster, tree)| {
+        let root = arena.append_renumbered(&tree?, &cluster.slots)?;
+        Ok(Placed {
+            root,
+            bounds: cluster.bounds,
+        })
+    });
+    placed.collect()
 }
 
 /// Trees that are put together have been frozen.
@@ -179,60 +247,59 @@ fn check_frozen(arena: &Arena, tree: NodeIndex) -> Result<(), TreeError> {
     height.map(|_| ()).ok_or(TreeError::BadRoot { node: tree })
 }
 
+/// Levels of a tree below which it does not pay to merge what lies on either side on a thread of its own.
+const TASK_HEIGHT: usize = 6;
+
 struct BspMerger<'a, S> {
-    draft: Draft<'a>,
     source: &'a S,
-    resplit: &'a Resplit,
+    options: &'a MergeOptions,
 }
 
 impl<S: PrimSource> BspMerger<'_, S> {
     /// `depth` is how many levels there may be.
     fn merge(
-        &mut self,
+        &self,
+        draft: &mut Draft<'_>,
         a: Subtree,
         b: Subtree,
         cell: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        if self.draft.is_empty(a) {
+        if draft.is_empty(a) {
             return Ok(b);
         }
-        if self.draft.is_empty(b) {
+        if draft.is_empty(b) {
             return Ok(a);
         }
-        if self.draft.height(a) + self.draft.height(b) > depth {
-            return self.rebuild([a, b], cell, depth);
+        let Self { source, options } = *self;
+        if draft.height(a) + draft.height(b) > depth {
+            let slots = draft.slots([a, b]);
+            return options.rebuild(draft, source, &slots, cell, depth);
         }
-        let (draft, source, resplit) = (&mut self.draft, self.source, self.resplit);
         match (draft.view(a), draft.view(b)) {
             (_, View::Leaf(leaf)) => {
                 let slots = Slots::from_slice(draft.refs_of(leaf));
-                inserting::insert(draft, source, resplit, a, &slots, cell, depth)
+                inserting::insert(draft, source, options, a, &slots, cell, depth)
             }
             (View::Leaf(leaf), _) => {
                 let slots = Slots::from_slice(draft.refs_of(leaf));
-                inserting::insert(draft, source, resplit, b, &slots, cell, depth)
+                inserting::insert(draft, source, options, b, &slots, cell, depth)
             }
             (View::Split { axis, split, parts }, _) => {
                 draft.counts.cut += 1;
                 let [below, above] = cut(draft, source, b, cell, axis, split);
                 let (lower, upper) = cell.split(axis, split);
                 let [a_below, a_above] = parts;
-                let lower = self.merge(a_below, below, &lower, depth - 1)?;
-                let upper = self.merge(a_above, above, &upper, depth - 1)?;
-                Ok(self.draft.split(axis, split, [lower, upper]))
+                let is_large = |part| draft.height(part) >= TASK_HEIGHT;
+                let is_parallel = options.is_parallel
+                    && [a_below, a_above, below, above].into_iter().all(is_large);
+                let parts = draft.both(
+                    is_parallel,
+                    |draft| self.merge(draft, a_below, below, &lower, depth - 1),
+                    |draft| self.merge(draft, a_above, above, &upper, depth - 1),
+                )?;
+                Ok(draft.split(axis, split, parts))
             }
         }
-    }
-
-    fn rebuild(
-        &mut self,
-        parts: [Subtree; 2],
-        cell: &Aabb,
-        depth: usize,
-    ) -> Result<Subtree, BuildError> {
-        let slots = self.draft.slots(parts);
-        self.resplit
-            .rebuild(&mut self.draft, self.source, &slots, cell, depth)
     }
 }

@@ -11,7 +11,7 @@
 use kd_core::{Aabb, Axis, PrimSource};
 use kd_sah::BuildError;
 
-use crate::Resplit;
+use crate::MergeOptions;
 use crate::draft::{Draft, Subtree, View};
 use crate::estimate::{Sides, estimate_below};
 use crate::partition::cut;
@@ -27,11 +27,14 @@ pub(crate) struct Item {
 }
 
 /// What trees are partitioned with.
-pub(crate) struct TreePartition<'a, 'd, S> {
+pub(crate) struct TreePartition<'s, 'd, 'a, S> {
     pub(crate) draft: &'d mut Draft<'a>,
-    pub(crate) source: &'a S,
-    pub(crate) resplit: &'a Resplit,
+    pub(crate) source: &'s S,
+    pub(crate) options: &'s MergeOptions,
 }
+
+/// Trees below which it does not pay to look at those on either side on a thread of their own.
+const TASK: usize = 8;
 
 /// How many of the planes that cut trees are looked at with estimates.
 const LOOKED_AT: usize = 4;
@@ -127,7 +130,7 @@ impl Cut {
     }
 }
 
-impl<S: PrimSource> TreePartition<'_, '_, S> {
+impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
     /// One tree of `items`, in `volume`, of no more than `depth` levels.
     pub(crate) fn partition(
         &mut self,
@@ -184,9 +187,27 @@ impl<S: PrimSource> TreePartition<'_, '_, S> {
             }
         }
         let (lower, upper) = volume.split(axis, position);
-        let below = self.partition(below, &lower, false, depth - 1)?;
-        let above = self.partition(above, &upper, false, depth - 1)?;
-        Ok(self.draft.split(axis, position, [below, above]))
+        let (source, options) = (self.source, self.options);
+        let parts = self.draft.both(
+            options.is_parallel && below.len().min(above.len()) >= TASK,
+            |draft| {
+                let mut partition = TreePartition {
+                    draft,
+                    source,
+                    options,
+                };
+                partition.partition(below, &lower, false, depth - 1)
+            },
+            |draft| {
+                let mut partition = TreePartition {
+                    draft,
+                    source,
+                    options,
+                };
+                partition.partition(above, &upper, false, depth - 1)
+            },
+        )?;
+        Ok(self.draft.split(axis, position, parts))
     }
 
     /// The plane of least cost among the faces of boxes inside the volume: of those that cut no tree, if there are any, or
@@ -294,7 +315,7 @@ impl<S: PrimSource> TreePartition<'_, '_, S> {
         depth: usize,
     ) -> Result<Subtree, BuildError> {
         let slots = self.draft.slots(items.iter().map(|item| item.tree));
-        self.resplit
+        self.options
             .leaf(self.draft, self.source, &slots, volume, depth)
     }
 
@@ -305,7 +326,7 @@ impl<S: PrimSource> TreePartition<'_, '_, S> {
         depth: usize,
     ) -> Result<Subtree, BuildError> {
         let slots = self.draft.slots(items.iter().map(|item| item.tree));
-        self.resplit
+        self.options
             .rebuild(self.draft, self.source, &slots, volume, depth)
     }
 }

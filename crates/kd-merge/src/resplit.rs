@@ -1,41 +1,13 @@
 //! Leaves that have become too full are divided again.
 
 use kd_core::{Aabb, Axis, NodeIndex, NodeView, PrimSource, Slot, Tree};
-use kd_sah::{BuildError, BuildOptions, build};
+use kd_sah::{BuildError, build};
 
+use crate::MergeOptions;
 use crate::draft::{Draft, Subtree};
 use crate::partition::part_in;
 
-/// Which leaves are divided again, and how.
-#[derive(Clone, Debug)]
-pub struct Resplit {
-    above: usize,
-    options: BuildOptions,
-}
-
-impl Default for Resplit {
-    /// Leaves of more than 16 primitives, which is two blocks, with [`BuildOptions::balanced`].
-    fn default() -> Self {
-        Self::above(16, BuildOptions::balanced())
-    }
-}
-
-impl Resplit {
-    /// Leaves of more than so many primitives, with these options, on the calling thread.
-    #[must_use]
-    pub fn above(primitives: usize, options: BuildOptions) -> Self {
-        Self {
-            above: primitives,
-            options: options.with_threads(1),
-        }
-    }
-
-    /// No leaf.
-    #[must_use]
-    pub fn never() -> Self {
-        Self::above(usize::MAX, BuildOptions::default())
-    }
-
+impl MergeOptions {
     /// A leaf of `slots`, in `cell`, or what it is divided into, no deeper than `depth`.
     pub(crate) fn leaf(
         &self,
@@ -45,7 +17,7 @@ impl Resplit {
         cell: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        if slots.len() <= self.above {
+        if slots.len() <= self.most_in_leaf {
             return Ok(draft.leaf(slots));
         }
         self.rebuild(draft, source, slots, cell, depth)
@@ -64,16 +36,27 @@ impl Resplit {
             return Ok(draft.leaf(slots));
         }
         draft.counts.rebuilt += 1;
+        let tree = self.build(source, slots, cell, depth)?;
+        Ok(copy(draft, &tree, tree.root(), slots))
+    }
+
+    /// The tree of `slots`, in `cell`, no deeper than `depth`, whose primitives are numbered in their order.
+    pub(crate) fn build(
+        &self,
+        source: &impl PrimSource,
+        slots: &[Slot],
+        cell: &Aabb,
+        depth: usize,
+    ) -> Result<Tree, BuildError> {
         let parts = slots.iter().map(|slot| part_in(source, *slot, cell));
         let some = Chosen {
             source,
             slots,
             parts: parts.collect(),
         };
-        let usual = self.options.depth_limit(slots.len());
+        let usual = self.builder.depth_limit(slots.len());
         let depth = u32::try_from(depth).map_or(usual, |depth| depth.min(usual));
-        let tree = build(&some, &self.options.clone().with_max_depth(depth))?;
-        Ok(copy(draft, &tree, tree.root(), slots))
+        build(&some, &self.builder.clone().with_max_depth(depth))
     }
 }
 

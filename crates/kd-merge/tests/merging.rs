@@ -3,7 +3,8 @@
 use glam::Vec3;
 use kd_core::{Aabb, Arena, Axis, CostModel, Mesh, Node, NodeIndex, Pair, Slot, Tree};
 use kd_merge::{
-    Census, MergeError, Merged, Placed, Resplit, bsp_merge, insert, partition, partition_trees,
+    Census, MergeError, MergeOptions, Merged, Placed, bsp_merge, build_clusters, insert, partition,
+    partition_trees,
 };
 use kd_sah::{BuildOptions, build};
 use kd_scene::Spd;
@@ -55,6 +56,21 @@ impl Two {
             root: self.trees[i],
             bounds: self.meshes[i].bounds(),
         })
+    }
+
+    /// Makes clusters of some triangles, and merges their trees with others.
+    fn merge_clusters(
+        &self,
+        arena: &mut Arena,
+        slots: &[Slot],
+        mut trees: Vec<Placed>,
+        options: &MergeOptions,
+    ) -> Result<Merged, MergeError> {
+        trees.extend(build_clusters(arena, slots, &self.both, 100, options)?);
+        arena.freeze(u32::try_from(self.both.len()).expect("small"))?;
+        let mut census = self.census.clone();
+        census.extend(arena.nodes());
+        partition_trees(arena, &census, &trees, &self.both, options)
     }
 
     /// Numbers of the triangles that move.
@@ -157,20 +173,20 @@ fn overlaps() -> Vec<(&'static str, Two)> {
     .into()
 }
 
-fn ways_to_resplit() -> [Resplit; 3] {
+fn ways_to_merge() -> [MergeOptions; 3] {
     [
-        Resplit::never(),
-        Resplit::default(),
-        Resplit::above(4, BuildOptions::best()),
+        MergeOptions::never_resplitting(),
+        MergeOptions::default(),
+        MergeOptions::resplitting(4, BuildOptions::best()),
     ]
 }
 
 #[test]
 fn trees_merge_at_every_overlap() {
     for (what, two) in overlaps() {
-        for resplit in ways_to_resplit() {
+        for options in ways_to_merge() {
             let (merged, tree) = two.check(what, |arena, two| {
-                bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &resplit)
+                bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &options)
             });
             two.trace(what, &tree, 150);
             assert!(merged.links > 0, "{what}: {merged:?}");
@@ -182,10 +198,10 @@ fn trees_merge_at_every_overlap() {
 fn primitives_are_inserted_at_every_overlap() {
     for (what, two) in overlaps() {
         let moving = two.moving();
-        for resplit in ways_to_resplit() {
+        for options in ways_to_merge() {
             let (merged, tree) = two.check(what, |arena, two| {
                 let bounds = two.both.bounds();
-                insert(arena, two.trees[0], &moving, &two.both, bounds, &resplit)
+                insert(arena, two.trees[0], &moving, &two.both, bounds, &options)
             });
             two.trace(what, &tree, 150);
             assert!(merged.links > 0, "{what}: {merged:?}");
@@ -196,9 +212,9 @@ fn primitives_are_inserted_at_every_overlap() {
 #[test]
 fn trees_are_partitioned_at_every_overlap() {
     for (what, two) in overlaps() {
-        for resplit in ways_to_resplit() {
+        for options in ways_to_merge() {
             let (merged, tree) = two.check(what, |arena, two| {
-                partition_trees(arena, &two.census, &two.placed(), &two.both, &resplit)
+                partition_trees(arena, &two.census, &two.placed(), &two.both, &options)
             });
             two.trace(what, &tree, 150);
             let is_apart = what == "far apart" || what == "side by side";
@@ -214,9 +230,9 @@ fn any_number_of_trees_is_partitioned() {
     let (_, two) = overlaps().remove(2);
     let [one, _] = two.placed();
     let mut arena = two.arena.clone();
-    let resplit = Resplit::default();
+    let options = MergeOptions::default();
     let mut partition = |trees: &[Placed]| {
-        partition_trees(&mut arena, &two.census, trees, &two.both, &resplit).expect("merged")
+        partition_trees(&mut arena, &two.census, trees, &two.both, &options).expect("merged")
     };
     let none = partition(&[]);
     assert_eq!((none.new_nodes, none.links), (0, 0), "an empty leaf");
@@ -233,10 +249,67 @@ fn any_number_of_trees_is_partitioned() {
 }
 
 #[test]
+fn clusters_are_merged_at_every_overlap() {
+    for (what, two) in overlaps() {
+        let moving = two.moving();
+        for options in ways_to_merge() {
+            // What moves in clusters, with the tree of what stands still.
+            let (_, tree) = two.check(what, |arena, two| {
+                two.merge_clusters(arena, &moving, vec![two.placed()[0]], &options)
+            });
+            two.trace(what, &tree, 150);
+        }
+        // Everything in clusters.
+        let slots: Vec<Slot> = (0..).map(Slot).take(two.both.len()).collect();
+        let (merged, tree) = two.check(what, |arena, two| {
+            two.merge_clusters(arena, &slots, Vec::new(), &MergeOptions::default())
+        });
+        two.trace(what, &tree, 150);
+        assert!(merged.links > 0, "{what}: {merged:?}");
+    }
+}
+
+/// Numbers of nodes and references too, whichever thread made them.
+#[test]
+fn threads_change_nothing() {
+    let still = placed(&scene(Spd::Gears, 2), Vec3::ZERO, 2.0);
+    let moving = placed(&scene(Spd::Balls, 2), Vec3::new(0.3, 0.1, 0.2), 1.5);
+    let two = Two::new(still, moving);
+    let moving = two.moving();
+    type Merge<'a> = &'a dyn Fn(&mut Arena, &MergeOptions) -> Result<Merged, MergeError>;
+    let bounds = two.both.bounds();
+    let methods: [(&str, Merge<'_>); 4] = [
+        ("BSP merge", &|arena, options| {
+            bsp_merge(arena, two.trees, &two.both, bounds, options)
+        }),
+        ("insertion", &|arena, options| {
+            insert(arena, two.trees[0], &moving, &two.both, bounds, options)
+        }),
+        ("partition trees", &|arena, options| {
+            partition_trees(arena, &two.census, &two.placed(), &two.both, options)
+        }),
+        ("clusters", &|arena, options| {
+            two.merge_clusters(arena, &moving, vec![two.placed()[0]], options)
+        }),
+    ];
+    for (what, merge) in methods {
+        let merged = |is_parallel| {
+            let mut arena = two.arena.clone();
+            let options = MergeOptions::default().with_parallel(is_parallel);
+            let merged = merge(&mut arena, &options).expect("merged");
+            (merged, arena.nodes().to_vec(), arena.refs().to_vec())
+        };
+        let (alone, together) = (merged(false), merged(true));
+        assert!(alone.0.new_nodes > 1000, "{what}: enough to do for several");
+        assert!(alone == together, "{what}: bit for bit");
+    }
+}
+
+#[test]
 fn leaves_that_are_divided_again_are_not_full() {
     let (_, two) = overlaps().remove(3);
     let moving = two.moving();
-    let fullest = |resplit: Resplit| {
+    let fullest = |options: MergeOptions| {
         let (_, tree) = two.check("inside", |arena, two| {
             insert(
                 arena,
@@ -244,13 +317,16 @@ fn leaves_that_are_divided_again_are_not_full() {
                 &moving,
                 &two.both,
                 two.both.bounds(),
-                &resplit,
+                &options,
             )
         });
         let leaves = tree.nodes().iter().filter(|node| node.is_leaf());
         leaves.map(|leaf| leaf.count()).max().expect("some")
     };
-    let (as_they_come, divided) = (fullest(Resplit::never()), fullest(Resplit::default()));
+    let (as_they_come, divided) = (
+        fullest(MergeOptions::never_resplitting()),
+        fullest(MergeOptions::default()),
+    );
     assert!(divided < as_they_come / 2, "{divided} of {as_they_come}");
 }
 
@@ -258,9 +334,9 @@ fn leaves_that_are_divided_again_are_not_full() {
 #[test]
 fn what_is_apart_is_shared() {
     let new_nodes = |(what, two): (&str, Two)| {
-        let resplit = Resplit::default();
+        let options = MergeOptions::default();
         let (merged, _) = two.check(what, |arena, two| {
-            bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &resplit)
+            bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &options)
         });
         (merged.new_nodes, two.arena.nodes().len())
     };
@@ -279,13 +355,13 @@ fn ten_thousand_commits_are_as_large_as_ten() {
     let mut bytes = Vec::new();
     for _ in 0..10_000 {
         arena.truncate(segments);
-        let resplit = Resplit::never();
+        let options = MergeOptions::never_resplitting();
         bsp_merge(
             &mut arena,
             two.trees,
             &two.both,
             two.both.bounds(),
-            &resplit,
+            &options,
         )
         .expect("merged");
         arena.freeze(slots).expect("valid");
@@ -313,7 +389,7 @@ fn either_tree_may_be_empty() {
                 two.trees,
                 &two.both,
                 two.both.bounds(),
-                &Resplit::default(),
+                &MergeOptions::default(),
             )
         });
         assert_eq!(
@@ -336,7 +412,7 @@ fn trees_that_are_not_frozen_are_refused() {
         trees,
         &two.both,
         two.both.bounds(),
-        &Resplit::never(),
+        &MergeOptions::never_resplitting(),
     );
     let error = refused.expect_err("it is fresh").to_string();
     assert!(error.contains("is not a frozen node"), "{error}");
@@ -416,15 +492,18 @@ proptest! {
         let moving = placed(&moving, Vec3::new(x + 0.5, 0.5, 0.4), size);
         let two = Two::new(still, moving);
         let slots = two.moving();
-        for resplit in ways_to_resplit() {
+        for options in ways_to_merge() {
             two.check("a soup", |arena, two| {
-                bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &resplit)
+                bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &options)
             });
             two.check("a soup", |arena, two| {
-                insert(arena, two.trees[0], &slots, &two.both, two.both.bounds(), &resplit)
+                insert(arena, two.trees[0], &slots, &two.both, two.both.bounds(), &options)
             });
             two.check("a soup", |arena, two| {
-                partition_trees(arena, &two.census, &two.placed(), &two.both, &resplit)
+                partition_trees(arena, &two.census, &two.placed(), &two.both, &options)
+            });
+            two.check("a soup", |arena, two| {
+                two.merge_clusters(arena, &slots, vec![two.placed()[0]], &options)
             });
         }
     }

@@ -5,6 +5,7 @@ mod error;
 mod frame;
 mod grove;
 mod merged;
+mod moving;
 mod part;
 mod plan;
 mod report;
@@ -13,7 +14,7 @@ mod strategy;
 use std::sync::Arc;
 
 use glam::Affine3A;
-use kd_core::{MAX_TRIANGLES, Mesh, Tree};
+use kd_core::{MAX_TRIANGLES, Mesh};
 use kd_sah::BuildOptions;
 
 pub use error::{CommitError, SceneError};
@@ -22,7 +23,7 @@ pub use part::PartId;
 pub use report::{Action, CommitReport, PartChange, Reason};
 pub use strategy::{MergeMethod, Strategy};
 
-use grove::Key;
+use moving::MovingTree;
 use part::{Part, Role};
 
 /// Meshes that stand still and meshes that move, of which a [`commit`](Self::commit) makes a [`Frame`] to trace.
@@ -87,7 +88,7 @@ pub struct Scene {
     /// A frame before that, which may still be traced.
     back: Option<Arc<FrameData>>,
     /// The kd-trees of parts that move, in the order of their ids, where frames are made by merging kd-trees.
-    moving_trees: Vec<(Key, Arc<Tree>)>,
+    moving_trees: Vec<MovingTree>,
 }
 
 impl Scene {

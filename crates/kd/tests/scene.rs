@@ -244,29 +244,65 @@ fn frames_of_one_pose_are_as_large_whatever_was_before() {
 
 #[test]
 fn threads_do_not_show() {
-    let mut reports = vec![];
-    let mut answers = vec![];
-    for threads in [1, 2, 5] {
-        let (mut scene, [_, moving, _]) =
-            gears_and_balls(BuildOptions::best().with_threads(threads));
-        scene.commit().expect("a frame");
-        scene
-            .set_transform(moving, Affine3A::from_rotation_y(0.7))
-            .expect("finite");
-        reports.push(scene.commit().expect("a frame"));
-        let frame = scene.frame();
-        let rays = rays_for(&Oracle::new(&frame).mesh, 500, 3);
-        answers.push(
-            rays.iter()
-                .map(|ray| frame.intersect(ray))
-                .collect::<Vec<_>>(),
-        );
+    for strategy in strategies() {
+        let mut reports = vec![];
+        let mut answers = vec![];
+        for threads in [1, 2, 5] {
+            let options = BuildOptions::best().with_threads(threads);
+            let (mut scene, [_, moving, other]) = gears_and_balls(options);
+            scene.set_strategy(strategy.clone());
+            scene.commit().expect("a frame");
+            for part in [moving, other] {
+                let place = Affine3A::from_rotation_y(0.7);
+                scene.set_transform(part, place).expect("finite");
+            }
+            reports.push(scene.commit().expect("a frame"));
+            let frame = scene.frame();
+            let rays = rays_for(&Oracle::new(&frame).mesh, 500, 3);
+            let hits: Vec<_> = rays.iter().map(|ray| frame.intersect(ray)).collect();
+            answers.push(hits);
+        }
+        let is_same = reports.windows(2).all(|pair| pair[0] == pair[1]);
+        assert!(is_same, "{strategy:?}: {reports:?}");
+        let is_same = answers.windows(2).all(|pair| pair[0] == pair[1]);
+        assert!(is_same, "{strategy:?}: answers");
     }
-    assert!(
-        reports.windows(2).all(|pair| pair[0] == pair[1]),
-        "{reports:?}"
-    );
-    assert!(answers.windows(2).all(|pair| pair[0] == pair[1]), "answers");
+}
+
+#[test]
+fn kd_trees_move_with_parts_that_stay_on_course() {
+    let turn = Affine3A::from_rotation_y(0.4);
+    let mirror = Affine3A::from_scale(Vec3::new(-0.5, 1.5, 1.0));
+    for method in [MergeMethod::PartitionTrees, MergeMethod::BspMerge] {
+        let (mut scene, [_, turned, mirrored]) = gears_and_balls(BuildOptions::best());
+        scene.set_strategy(Strategy::Merge(method));
+        let mut actions = vec![];
+        for step in 0..6_u8 {
+            // A way, and at its end another one.
+            let on = Affine3A::from_translation(Vec3::new(0.3, -0.2, 0.1) * f32::from(step));
+            let (turn, mirror) = if step < 4 {
+                (turn, mirror)
+            } else {
+                (turn.inverse(), turn * mirror)
+            };
+            scene.set_transform(turned, on * turn).expect("finite");
+            scene.set_transform(mirrored, on * mirror).expect("finite");
+            let report = scene.commit().expect("a frame");
+            let of = |part| report.changes.iter().find(|change| change.part == part);
+            actions.push([turned, mirrored].map(|part| of(part).expect("moved").action));
+            let frame = scene.frame();
+            let oracle = Oracle::new(&frame);
+            oracle.check(
+                &frame,
+                300,
+                u64::from(step),
+                &format!("{method:?}, step {step}"),
+            );
+        }
+        let (built, moved) = (Action::BuiltFast, Action::Moved);
+        let expected = [built, built, moved, moved, built, built].map(|action| [action; 2]);
+        assert_eq!(actions, expected, "{method:?}");
+    }
 }
 
 #[test]

@@ -136,6 +136,10 @@ impl Divider<'_> {
 
 /// Adds the boxes of triangles, of which there are some, divided as objects. `divisions` is how often they were already, and
 /// `per_area` one over the half area of the root's box.
+#[cfg_attr(
+    not(feature = "parallel"),
+    expect(clippy::only_used_in_recursion, reason = "there is one thread then")
+)]
 pub(crate) fn by_objects(
     items: &mut [Item],
     divisions: usize,

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Aabb, Arena, Axis, Mesh, PrimSource, Slot, Tree};
-use kd_merge::{Census, MergeError, Merged, Placed, Resplit, bsp_merge, insert, partition_trees};
-use kd_sah::BuildOptions;
+use kd_merge::{
+    Census, MergeError, MergeOptions, Merged, Placed, bsp_merge, insert, partition_trees,
+};
 use kd_trace::PackedArena;
 
 use super::grove::Key;
@@ -55,6 +56,7 @@ impl MergedTrees {
         parts: &[MergedPart<'_>],
         trees: &[Tree],
         end: u32,
+        options: &MergeOptions,
     ) -> Result<(), MergeError> {
         *self = Self::default();
         let source = Slots::new(parts, end);
@@ -66,7 +68,7 @@ impl MergedTrees {
             [one] => Some(*one),
             several => {
                 let merged =
-                    partition_trees(&mut self.arena, &self.census, several, &source, &resplit())?;
+                    partition_trees(&mut self.arena, &self.census, several, &source, options)?;
                 Some(self.freeze(merged, around(several), end)?)
             }
         };
@@ -85,6 +87,7 @@ impl MergedTrees {
         parts: &[MergedPart<'_>],
         trees: impl Iterator<Item = &'t Tree>,
         end: u32,
+        options: &MergeOptions,
     ) -> Result<Option<Merged>, MergeError> {
         self.arena.truncate(self.still_segments);
         self.census.truncate(self.arena.nodes().len());
@@ -103,7 +106,7 @@ impl MergedTrees {
                     &slots,
                     &source,
                     bounds,
-                    &resplit(),
+                    options,
                 )?;
                 merged = Some(tree);
                 Some(self.freeze(tree, bounds, end)?)
@@ -111,7 +114,7 @@ impl MergedTrees {
             (method, still) => {
                 let mut placed: Vec<Placed> = still.into_iter().collect();
                 placed.extend(self.append(moving.zip(trees), end)?);
-                self.join(method, &placed, &source, &mut merged, end)?
+                self.join(method, &placed, &source, &mut merged, end, options)?
             }
         };
         self.packed
@@ -130,6 +133,7 @@ impl MergedTrees {
         source: &Slots<'_>,
         merged: &mut Option<Merged>,
         end: u32,
+        options: &MergeOptions,
     ) -> Result<Option<Placed>, MergeError> {
         let Some((first, others)) = placed.split_first() else {
             return Ok(None);
@@ -138,7 +142,7 @@ impl MergedTrees {
             return Ok(Some(*first));
         }
         if method != MergeMethod::BspMerge {
-            let tree = partition_trees(&mut self.arena, &self.census, placed, source, &resplit())?;
+            let tree = partition_trees(&mut self.arena, &self.census, placed, source, options)?;
             *merged = Some(tree);
             return self.freeze(tree, around(placed), end).map(Some);
         }
@@ -146,7 +150,7 @@ impl MergedTrees {
         for other in others {
             let bounds = whole.bounds.union(&other.bounds);
             let trees = [whole.root, other.root];
-            let tree = bsp_merge(&mut self.arena, trees, source, bounds, &resplit())?;
+            let tree = bsp_merge(&mut self.arena, trees, source, bounds, options)?;
             *merged = Some(tree);
             whole = self.freeze(tree, bounds, end)?;
         }
@@ -188,11 +192,6 @@ impl MergedPart<'_> {
         let end = first + u32::try_from(self.mesh.len()).expect("30 bits count triangles");
         (first..end).map(Slot)
     }
-}
-
-/// Leaves that become larger than two blocks are divided again.
-fn resplit() -> Resplit {
-    Resplit::above(16, BuildOptions::fast().with_threads(1))
 }
 
 fn around(placed: &[Placed]) -> Aabb {

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use kd_core::{Mesh, Tree};
-use kd_merge::Merged;
+use kd_merge::{MergeError, MergeOptions, Merged};
 use kd_sah::BuildOptions;
 use kd_trace::WideTree;
 
 use super::frame::{FrameData, Shape};
 use super::grove::Key;
 use super::merged::{MergedPart, MergedTrees};
+use super::moving::MovingTree;
 use super::part::{Part, Role};
 use super::report::{Action, Reason};
 use super::{CommitError, MergeMethod, Scene, Strategy};
@@ -30,7 +31,7 @@ pub(super) struct MergePlan {
     pub(super) meshes: Vec<Arc<Mesh>>,
     pub(super) trees: Box<MergedTrees>,
     /// Those of the parts that move, for the next time.
-    pub(super) moving: Vec<(Key, Arc<Tree>)>,
+    pub(super) moving: Vec<MovingTree>,
     pub(super) merged: Option<Merged>,
     pub(super) done: Vec<Option<(Action, Reason)>>,
 }
@@ -90,6 +91,7 @@ impl Scene {
     ) -> Result<MergePlan, CommitError> {
         let fail = |error| CommitError::Merge { error };
         let end = self.next_slot;
+        let merge_options = self.merge_options();
         let mut done = vec![None; meshes.len()];
         let pairs = self.parts.iter().zip(&meshes);
         let parts: Vec<MergedPart<'_>> = pairs
@@ -114,7 +116,8 @@ impl Scene {
                 }
                 let trees: Vec<Tree> = trees.into_iter().flatten().collect();
                 let mut all = Box::<MergedTrees>::default();
-                all.set_still(&parts, &trees, end).map_err(fail)?;
+                all.set_still(&parts, &trees, end, &merge_options)
+                    .map_err(fail)?;
                 all
             }
         };
@@ -127,17 +130,29 @@ impl Scene {
             }
             let key = parts[place].key;
             let known = &self.moving_trees;
-            let known = known.binary_search_by_key(&key.part, |(known, _)| known.part);
+            let known = known.binary_search_by_key(&key.part, |known| known.key.part);
             let known = known.ok().map(|place| &self.moving_trees[place]);
-            let (tree, is_new) = match known {
-                Some((known, tree)) if *known == key => (Arc::clone(tree), false),
-                _ => (Arc::new(self.build_kd(part, &meshes[place], &fast)?), true),
+            if let Some(known) = known.filter(|known| known.key == key) {
+                return Ok(Some((known.clone(), None)));
+            }
+            let made = MovingTree::new(key, part, &meshes[place], known, &fast);
+            let (tree, is_moved) = made.map_err(|error| match error {
+                MergeError::Build(error) => CommitError::Build {
+                    part: part.id,
+                    error,
+                },
+                error => CommitError::Merge { error },
+            })?;
+            let action = if is_moved {
+                Action::Moved
+            } else {
+                Action::BuiltFast
             };
-            Ok(Some((key, tree, is_new)))
+            Ok(Some((tree, Some((action, Reason::Strategy)))))
         })?;
         for (done, tree) in done.iter_mut().zip(&moving) {
-            if let Some((.., true)) = tree {
-                *done = Some((Action::BuiltFast, Reason::Strategy));
+            if let Some((_, Some(action))) = tree {
+                *done = Some(action.clone());
             }
         }
         if inserts {
@@ -148,10 +163,10 @@ impl Scene {
             }
         }
         let moving = moving.into_iter().flatten();
-        let moving: Vec<(Key, Arc<Tree>)> = moving.map(|(key, tree, _)| (key, tree)).collect();
-        let merged = trees
-            .merge(method, &parts, moving.iter().map(|(_, tree)| &**tree), end)
-            .map_err(fail)?;
+        let moving: Vec<MovingTree> = moving.map(|(tree, _)| tree).collect();
+        let of_parts = moving.iter().map(|moving| &*moving.tree);
+        let merged = trees.merge(method, &parts, of_parts, end, &merge_options);
+        let merged = merged.map_err(fail)?;
         Ok(MergePlan {
             meshes,
             trees,
@@ -159,6 +174,12 @@ impl Scene {
             merged,
             done,
         })
+    }
+
+    /// Leaves that become larger than two blocks are divided again.
+    fn merge_options(&self) -> MergeOptions {
+        let options = MergeOptions::resplitting(16, BuildOptions::fast());
+        options.with_parallel(self.options.threads() != 1)
     }
 
     /// Where the kd-tree of a part is made for, as it will be after this commit.

@@ -52,6 +52,8 @@ pub enum Action {
     BuiltFast,
     /// Boxes were fitted to where its triangles are.
     Refitted,
+    /// Its kd-tree was moved, since it only moved on along its course: translated, or scaled along the axes.
+    Moved,
     /// Sent down the kd-tree of what stands still, triangle by triangle.
     Inserted,
     /// Built anew together with all others.
@@ -96,6 +98,7 @@ impl fmt::Display for PartChange {
             Action::Built => "built",
             Action::BuiltFast => "built fast",
             Action::Refitted => "refitted",
+            Action::Moved => "moved with its tree",
             Action::Inserted => "inserted",
             Action::BuiltWithAll => "built with all others",
         };
