@@ -89,4 +89,4 @@ pub use counters::{TraversalCounts, intersect_counted};
 pub use level::Level;
 pub use packed::{PackedArena, PackedTree};
 pub use query::{hits, intersect, occluded};
-pub use wide::{Join, Joined, WideForest, WideTree};
+pub use wide::{Join, Joined, Refit, WideForest, WideTree};

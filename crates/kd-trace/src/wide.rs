@@ -32,6 +32,7 @@ use crate::Level;
 use crate::collect::{Any, Closest, Ordered};
 use crate::planes::Frame;
 use arrays::Arrays;
+pub use arrays::Refit;
 use box_tree::{BoxTree, Item, Leaves};
 use divide::{Divider, MOST_LEVELS, by_objects, per_area};
 pub use forest::WideForest;

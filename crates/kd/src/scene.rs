@@ -113,6 +113,11 @@ impl Scene {
         }
     }
 
+    /// Whether frames are made on several threads.
+    fn is_parallel(&self) -> bool {
+        self.options.threads() != 1
+    }
+
     /// Adds a mesh that stands still, from the next commit on. It may be changed and moved too, and is then built anew with
     /// the options of the scene.
     ///

@@ -11,6 +11,8 @@ use crate::block::Block;
 pub(crate) mod parts;
 mod refit;
 
+pub use refit::Refit;
+
 pub(crate) use parts::Part;
 
 /// All nodes and blocks of a tree: every child of a node, and the root, is one of its nodes or lies within its blocks.

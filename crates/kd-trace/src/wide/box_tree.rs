@@ -197,11 +197,12 @@ impl BoxTree {
         }
     }
 
-    /// Adds all of another tree, whose root was added to it last as `root`.
+    /// Adds all of another tree, whose root was added to it last as `root`, and `number` to the numbers of its items.
     #[cfg(feature = "parallel")]
-    pub(crate) fn append(&mut self, other: &Self, root: Added) -> Added {
+    pub(crate) fn append(&mut self, other: &Self, root: Added, number: u32) -> Added {
         let (nodes, items) = (to_u32(self.nodes.len()), to_u32(self.items.len()));
-        self.items.extend(&other.items);
+        self.items
+            .extend(other.items.iter().map(|item| item + number));
         self.nodes.extend(other.nodes.iter().map(|node| BoxNode {
             kind: match node.kind {
                 Kind::Leaf => Kind::Leaf,

@@ -126,7 +126,7 @@ impl Divider<'_> {
                 || self.by_planes(lower.0, lower.1, divisions, to),
                 || self.by_planes(upper.0, upper.1, divisions, &mut other),
             );
-            let upper = to.append(&other, added);
+            let upper = to.append(&other, added, 0);
             return to.set_split(place, axis, [lower, upper], self.per_area);
         }
         let parts = [lower, upper].map(|(at, items)| self.by_planes(at, items, divisions, to));
@@ -168,7 +168,7 @@ pub(crate) fn by_objects(
             || by_objects(lower, divisions, per_area, true, to),
             || by_objects(upper, divisions, per_area, true, &mut other),
         );
-        let upper = to.append(&other, added);
+        let upper = to.append(&other, added, 0);
         return to.set_split(place, division.axis, [lower, upper], per_area);
     }
     let parts = [lower, upper].map(|part| by_objects(part, divisions, per_area, is_parallel, to));

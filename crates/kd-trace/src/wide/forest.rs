@@ -2,7 +2,7 @@
 
 use kd_core::Mesh;
 
-use super::arrays::Arrays;
+use super::arrays::{Arrays, Refit};
 use super::join::{Join, Joined, join};
 use super::{Frame, WideTree};
 use crate::Level;
@@ -117,7 +117,22 @@ impl WideForest {
     ///
     /// If there is no such part; if the mesh has fewer triangles.
     pub fn refit(&mut self, number: usize, mesh: &Mesh, first_slot: u32) {
-        self.tree.arrays.refit_part(number, mesh, first_slot);
+        let refit = Refit {
+            number,
+            mesh,
+            first_slot,
+        };
+        self.refit_parts(&[refit], false);
+    }
+
+    /// [`refit`](Self::refit) for several parts, in the order of their numbers; on the threads of the pool in scope (rayon's)
+    /// if `is_parallel`, and with the same result. Without feature `parallel` it is one thread.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such part, if a mesh has fewer triangles, or if the numbers do not ascend.
+    pub fn refit_parts(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
+        self.tree.arrays.refit_parts(refits, is_parallel);
     }
 
     /// What a part costs by the surface area heuristic: half areas of the boxes of all nodes and leaves below its root, each
@@ -159,5 +174,66 @@ impl WideForest {
 impl Default for WideForest {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(all(test, feature = "parallel"))]
+mod tests {
+    use super::*;
+
+    /// Triangles in a row of parts that overlap with their neighbours, and where they are later.
+    fn forest_of_many(count: u32) -> (WideForest, Vec<Mesh>) {
+        let part = |number: u32, shift: f32| {
+            let x = number as f32 * 0.3 + shift;
+            let positions = (0..300).map(|i| {
+                let i = i as f32;
+                [x + 0.1 * i, (7.3 * i + x).sin(), (3.1 * i).cos() * shift]
+            });
+            let triangles = (0..100).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            Mesh::new(positions.collect(), triangles).expect("valid")
+        };
+        let mut forest = WideForest::new();
+        for number in 0..count {
+            let tree = WideTree::from_objects(&part(number, 1.0));
+            forest.push(&tree, 100 * number);
+        }
+        (forest, (0..count).map(|number| part(number, 1.5)).collect())
+    }
+
+    #[test]
+    fn threads_change_nothing() {
+        let (forest, moved) = forest_of_many(1000);
+        let made = |is_parallel| {
+            let mut forest = forest.clone();
+            let moved = moved.iter().enumerate().step_by(2);
+            let refits = moved.map(|(number, mesh)| Refit {
+                number,
+                mesh,
+                first_slot: 100 * u32::try_from(number).expect("few"),
+            });
+            forest.refit_parts(&refits.collect::<Vec<_>>(), is_parallel);
+            let joined = forest.join(Join {
+                open_above: 0.01,
+                is_parallel,
+            });
+            (joined, forest)
+        };
+        let ((joined, alone), (same, together)) = (made(false), made(true));
+        assert!(joined.opened > 0 && joined.links > 1000, "{joined:?}");
+        assert_eq!(joined, same, "the same work");
+        let [alone, together] = [alone, together].map(|forest| format!("{:?}", forest.tree.arrays));
+        assert!(alone == together, "number by number");
+    }
+
+    #[test]
+    #[should_panic(expected = "the numbers of parts ascend")]
+    fn a_part_is_refitted_once() {
+        let (mut forest, moved) = forest_of_many(2);
+        let refit = Refit {
+            number: 1,
+            mesh: &moved[1],
+            first_slot: 100,
+        };
+        forest.refit_parts(&[refit, refit], false);
     }
 }

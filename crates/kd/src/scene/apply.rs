@@ -188,7 +188,8 @@ impl Scene {
         };
         for (number, wanted) in wanted.iter().enumerate() {
             let (earlier, rest) = groves.split_at_mut(number);
-            rest[0].update(wanted, &[earlier, &before, front]);
+            let others: [&[Grove]; 3] = [earlier, &before, front];
+            rest[0].update(wanted, &others, self.is_parallel());
         }
         for (place, nodes) in nodes.iter().enumerate() {
             let part = &self.parts[place];
@@ -219,12 +220,13 @@ impl Scene {
 
     /// Joins the parts of the frame.
     fn join(&mut self) -> Joined {
-        let options = match self.strategy {
-            Strategy::Dual | Strategy::Instances => Join {
-                open_above: f64::INFINITY,
-            },
-            _ => Join::default(),
+        let mut options = Join {
+            is_parallel: self.is_parallel(),
+            ..Join::default()
         };
+        if let Strategy::Dual | Strategy::Instances = self.strategy {
+            options.open_above = f64::INFINITY;
+        }
         let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
         let mut all = Joined::default();
         if let Shape::Groves(groves) = &mut front.shape {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kd_core::Mesh;
-use kd_trace::{WideForest, WideTree};
+use kd_trace::{Refit, WideForest, WideTree};
 
 use super::PartId;
 
@@ -67,7 +67,7 @@ impl Grove {
 
     /// Makes it hold what is wanted, which is in the order of [`Key::nodes`]. Nodes that are here already stay where they
     /// are, or are moved where something before them has gone; others come from where they are told to, of these groves.
-    pub(super) fn update(&mut self, wanted: &[Wanted<'_>], others: &[&[Self]]) {
+    pub(super) fn update(&mut self, wanted: &[Wanted<'_>], others: &[&[Self]], is_parallel: bool) {
         let pairs = self.trees.iter().zip(wanted);
         let same = pairs.take_while(|(key, wanted)| key.nodes() == wanted.key.nodes());
         let same = same.count();
@@ -92,15 +92,21 @@ impl Grove {
             states.push(state);
             self.trees.push(*key);
         }
+        let mut refits = Vec::new();
         for ((number, wanted), state) in wanted.iter().enumerate().zip(states) {
             let Wanted { key, mesh, .. } = wanted;
             self.trees[number] = *key;
             let slots = key.first_slot.wrapping_sub(state.first_slot);
             self.forest.add_to_slots(number, slots);
             if (state.part, state.moved) != (key.part, key.moved) {
-                self.forest.refit(number, mesh, key.first_slot);
+                refits.push(Refit {
+                    number,
+                    mesh,
+                    first_slot: key.first_slot,
+                });
             }
         }
+        self.forest.refit_parts(&refits, is_parallel);
     }
 
     /// Takes out all parts from a number on, and gives back those of them that are wanted.

@@ -179,7 +179,7 @@ impl Scene {
     /// Leaves that become larger than two blocks are divided again.
     fn merge_options(&self) -> MergeOptions {
         let options = MergeOptions::resplitting(16, BuildOptions::fast());
-        options.with_parallel(self.options.threads() != 1)
+        options.with_parallel(self.is_parallel())
     }
 
     /// Where the kd-tree of a part is made for, as it will be after this commit.
@@ -229,7 +229,7 @@ impl Scene {
         call: impl Fn(usize, &Part) -> Result<T, CommitError> + Sync + Send,
     ) -> Result<Vec<T>, CommitError> {
         #[cfg(feature = "parallel")]
-        if self.options.threads() != 1 && self.parts.len() > 1 {
+        if self.is_parallel() && self.parts.len() > 1 {
             use rayon::prelude::*;
             let parts = self.parts.par_iter().enumerate();
             let results: Vec<_> = parts.map(|(place, part)| call(place, part)).collect();
@@ -296,15 +296,14 @@ impl Scene {
             return Ok((Nodes::New(self.build_fast(mesh)), Action::BuiltFast));
         }
         let tree = self.build_kd(part, mesh, &self.options)?;
-        let is_parallel = self.options.threads() != 1;
-        let tree = WideTree::best(&tree, mesh, is_parallel);
+        let tree = WideTree::best(&tree, mesh, self.is_parallel());
         Ok((Nodes::New(tree), Action::Built))
     }
 
     /// A tree that is good enough for some frames.
     pub(super) fn build_fast(&self, mesh: &Mesh) -> WideTree {
         #[cfg(feature = "parallel")]
-        if self.options.threads() != 1 {
+        if self.is_parallel() {
             return WideTree::from_objects_parallel(mesh);
         }
         WideTree::from_objects(mesh)

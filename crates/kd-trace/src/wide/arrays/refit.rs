@@ -1,48 +1,71 @@
-//! A part whose triangles have moved: the same nodes with new boxes, and what they are worth.
+//! Parts whose triangles have moved: the same nodes with new boxes, and what they are worth.
 
 use kd_core::{Aabb, Mesh};
 
 use super::Arrays;
+use crate::block::Block;
 use crate::wide::collapse;
-use crate::wide::node::{Child, WIDTH};
+use crate::wide::node::{Child, WIDTH, WideNode};
+
+/// Where the triangles of a part of a [`WideForest`](crate::WideForest) are now.
+#[derive(Clone, Copy, Debug)]
+pub struct Refit<'a> {
+    /// Which part.
+    pub number: usize,
+    /// Has as many triangles as it was made from.
+    pub mesh: &'a Mesh,
+    /// Of [`WideForest::push`](crate::WideForest::push).
+    pub first_slot: u32,
+}
+
+/// A part to fit anew, and its memory.
+struct Task<'a> {
+    refit: Refit<'a>,
+    nodes: &'a mut [WideNode],
+    blocks: &'a mut [Block],
+    /// The numbers of the first of each.
+    first_node: usize,
+    first_block: usize,
+}
 
 impl Arrays {
-    /// Gives the triangles of a part, numbered from `first_slot` on, the corners they have in `mesh`, and makes its boxes
-    /// fit. The top is dropped.
-    ///
-    /// Linear in the blocks of the part.
+    /// Gives the triangles of parts, numbered from their `first_slot`s on, the corners that they have in their meshes, and
+    /// makes their boxes fit. The top is dropped. Linear in the blocks of these parts.
     ///
     /// # Panics
     ///
-    /// If the mesh has fewer triangles.
-    pub(crate) fn refit_part(&mut self, number: usize, mesh: &Mesh, first_slot: u32) {
+    /// If a mesh has fewer triangles; if the numbers of parts do not ascend.
+    pub(crate) fn refit_parts(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
         self.clear_top();
-        let part = &self.parts[number];
-        for block in &mut self.blocks[part.blocks()] {
-            block.move_corners(mesh, first_slot);
+        let mut tasks = Vec::with_capacity(refits.len());
+        let (mut nodes, mut blocks) = (self.nodes.as_mut_slice(), self.blocks.as_mut_slice());
+        let (mut next_node, mut next_block) = (0, 0);
+        for refit in refits {
+            let part = &self.parts[refit.number];
+            let (of_part, in_blocks) = (part.nodes(), part.blocks());
+            assert!(of_part.start >= next_node, "the numbers of parts ascend");
+            nodes = &mut nodes[of_part.start - next_node..];
+            blocks = &mut blocks[in_blocks.start - next_block..];
+            let (own_nodes, own_blocks);
+            (own_nodes, nodes) = nodes.split_at_mut(of_part.len());
+            (own_blocks, blocks) = blocks.split_at_mut(in_blocks.len());
+            (next_node, next_block) = (of_part.end, in_blocks.end);
+            tasks.push(Task {
+                refit: *refit,
+                nodes: own_nodes,
+                blocks: own_blocks,
+                first_node: of_part.start,
+                first_block: in_blocks.start,
+            });
         }
-        let first = part.nodes().start;
-        let mut bounds = vec![Aabb::EMPTY; part.nodes().len()];
-        // Children come after their parents, so that their boxes are known before.
-        for (place, node) in self.nodes[part.nodes()].iter_mut().enumerate().rev() {
-            let mut around = Aabb::EMPTY;
-            for lane in 0..WIDTH {
-                let child = node.children[lane];
-                if child == Child::NOTHING {
-                    continue;
-                }
-                let of_child = if child.is_leaf() {
-                    let blocks = self.blocks[child.blocks()].iter();
-                    blocks.fold(Aabb::EMPTY, |around, block| around.union(&block.bounds()))
-                } else {
-                    bounds[child.index() - first]
-                };
-                node.set(lane, &of_child, child);
-                around = around.union(&of_child);
-            }
-            node.order_by_centers();
-            bounds[place] = around;
+        #[cfg(feature = "parallel")]
+        if is_parallel && tasks.len() > 1 {
+            use rayon::prelude::*;
+            tasks.into_par_iter().for_each(Task::run);
+            return;
         }
+        let _ = is_parallel;
+        tasks.into_iter().for_each(Task::run);
     }
 
     /// The SAH cost of a part below its root: half areas of boxes, each times what a ray takes that enters it (see
@@ -61,5 +84,37 @@ impl Arrays {
             }
         }
         cost
+    }
+}
+
+impl Task<'_> {
+    fn run(self) {
+        for block in &mut *self.blocks {
+            block.move_corners(self.refit.mesh, self.refit.first_slot);
+        }
+        let mut bounds = vec![Aabb::EMPTY; self.nodes.len()];
+        // Children come after their parents, so that their boxes are known before.
+        for (place, node) in self.nodes.iter_mut().enumerate().rev() {
+            let mut around = Aabb::EMPTY;
+            for lane in 0..WIDTH {
+                let child = node.children[lane];
+                if child == Child::NOTHING {
+                    continue;
+                }
+                let of_child = if child.is_leaf() {
+                    let range = child.blocks();
+                    let blocks =
+                        &self.blocks[range.start - self.first_block..range.end - self.first_block];
+                    let boxes = blocks.iter().map(Block::bounds);
+                    boxes.fold(Aabb::EMPTY, |around, bounds| around.union(&bounds))
+                } else {
+                    bounds[child.index() - self.first_node]
+                };
+                node.set(lane, &of_child, child);
+                around = around.union(&of_child);
+            }
+            node.order_by_centers();
+            bounds[place] = around;
+        }
     }
 }
