@@ -53,6 +53,8 @@ const WAYS: [(&str, Strategy); 8] = [
 ];
 const MERGE: usize = 0;
 const AUTO: usize = 1;
+/// The methods of the paper.
+const OF_PAPER: std::ops::Range<usize> = 5..8;
 
 /// Ways to build everything anew.
 fn builders() -> [(&'static str, BuildOptions); 3] {
@@ -78,6 +80,9 @@ struct FrameFigures {
     /// The tree of everything, asked in batches.
     rebuild_batch_ms: f64,
     ways: Vec<WayFigures>,
+    /// A copy of the kd-tree of what stands still, in milliseconds, with which every frame of the paper's methods begins, and
+    /// none of ours.
+    still_copy_ms: f64,
     embree: Vec<EmbreeFigures>,
     /// Building a tree where rays go and tracing them, over building all of it by `best` and tracing.
     lazy: f64,
@@ -290,6 +295,7 @@ impl<'a> Bench<'a> {
             rebuild_trace_ms: median(&rebuild_trace_ms),
             rebuild_batch_ms: median(&rebuild_batch_ms),
             ways,
+            still_copy_ms: self.still_copy_ms()?,
             embree: if self.with_embree {
                 self.embree(&expected, label, problems)?
             } else {
@@ -339,6 +345,16 @@ impl<'a> Bench<'a> {
             },
         )?;
         Ok(median_ratio(&pairs.own, &pairs.baseline))
+    }
+
+    fn still_copy_ms(&self) -> anyhow::Result<f64> {
+        let tree = kd::custom::build(&*self.animation.fixed, &builders()[BEST].1)?;
+        let seconds = (0..self.repeats.pairs).map(|_| {
+            let start = Instant::now();
+            black_box(tree.clone());
+            start.elapsed().as_secs_f64()
+        });
+        Ok(1e3 * median(&seconds.collect::<Vec<_>>()))
     }
 
     /// Which part of an update by merging it is to build what moves.
@@ -512,6 +528,12 @@ fn ratios(figures: &[FrameFigures]) -> Table {
             Some(f.ways[way].update_ms)
         });
     }
+    for way in OF_PAPER {
+        let name = format!("{}, with a copy as in the paper: update, ms", WAYS[way].0);
+        row(name, Goal::None, &|f| {
+            Some(f.ways[way].update_ms + f.still_copy_ms)
+        });
+    }
     if figures.iter().any(|figures| !figures.embree.is_empty()) {
         row(
             "merge: update / Embree's, medium".into(),
@@ -601,6 +623,7 @@ fn to_lines(
                 "frame": figures.frame,
                 "strategy": name,
                 "copy_ms": 0.0,
+                "still_copy_ms": figures.still_copy_ms,
                 "dynamic_ms": dynamic_ms,
                 "merge_ms": way.update_ms - dynamic_ms,
                 "trace_ms": way.trace_ms,
