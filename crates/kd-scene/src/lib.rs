@@ -23,16 +23,28 @@
 
 #![forbid(unsafe_code)]
 
+mod aff;
 mod camera;
+mod description;
 mod error;
+mod keys;
 mod load;
 mod obj;
 mod ply;
 mod spd;
+mod tessellate;
+mod toy_room;
 
+pub use aff::{AffOptions, load_aff, read_aff};
 pub use camera::{Camera, View, light_above};
+pub use description::{
+    ColorSpace, Light, Material, Morph, MorphKey, Node, Part, SceneDescription, Span, Surface,
+    Texture,
+};
 pub use error::LoadError;
-pub use load::load_mesh;
+pub use keys::Keys;
+pub use load::{load_mesh, load_scene};
 pub use obj::read_obj;
 pub use ply::read_ply;
 pub use spd::{SceneSetup, Spd, SpdError};
+pub use toy_room::{toy_room, toy_room_aff};

@@ -4,7 +4,26 @@ use std::path::Path;
 
 use kd_core::Mesh;
 
-use crate::{LoadError, read_obj, read_ply};
+use crate::{AffOptions, LoadError, SceneDescription, load_aff, read_obj, read_ply};
+
+/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], anything else as a mesh with [`load_mesh`], in one light grey
+/// material.
+///
+/// # Errors
+///
+/// [`LoadError`], as those two.
+pub fn load_scene(
+    path: impl AsRef<Path>,
+    options: &AffOptions,
+) -> Result<SceneDescription, LoadError> {
+    let path = path.as_ref();
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let extension = extension.unwrap_or_default().to_ascii_lowercase();
+    if extension == "aff" || extension == "nff" {
+        return load_aff(path, options);
+    }
+    Ok(SceneDescription::of_mesh(load_mesh(path)?))
+}
 
 /// Reads a mesh file.
 ///
@@ -16,8 +35,8 @@ use crate::{LoadError, read_obj, read_ply};
 /// only claims.
 ///
 /// # Errors
-/// [`LoadError`] names the file and the line or element. `.gltf`, `.glb`, `.aff` and `.nff` are
-/// known but not read yet: [`LoadError::UnsupportedFormat`].
+/// [`LoadError`] names the file and the line or element. `.gltf` and `.glb` are known but not read
+/// yet, and `.aff` and `.nff` are scenes, for [`load_scene`]: [`LoadError::UnsupportedFormat`].
 ///
 /// ```no_run
 /// let mesh = kd_scene::load_mesh("bunny.ply")?;
@@ -53,8 +72,8 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<Mesh, LoadError> {
         "ply" => read_ply(&bytes, &file),
         "gltf" => unsupported("glTF"),
         "glb" => unsupported("binary glTF"),
-        "aff" => unsupported("AFF"),
-        "nff" => unsupported("NFF"),
+        "aff" => unsupported("as meshes, AFF"),
+        "nff" => unsupported("as meshes, NFF"),
         _ => Err(LoadError::UnknownFormat { file }),
     }
 }

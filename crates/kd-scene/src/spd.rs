@@ -1,6 +1,6 @@
 //! The Standard Procedural Databases of Eric Haines: eleven scenes that grow with a size.
 //!
-//! Primitives are tessellated as the databases' own tools do: see [`tessellate`]. Positions are
+//! Primitives are tessellated as the databases' own tools do: see [`tessellate`](crate::tessellate). Positions are
 //! worked out in `f64` and rounded once. Sine, cosine, tangent and exponential come from `libm`, a
 //! port in plain Rust: the standard library's are the platform's, which differ in the last bit, and
 //! a benchmark must build the same tree everywhere.
@@ -14,7 +14,6 @@ mod rings;
 mod shells;
 mod sombrero;
 mod teapot;
-mod tessellate;
 mod tetra;
 mod tree;
 

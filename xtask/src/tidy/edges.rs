@@ -10,6 +10,8 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-merge", &["kd-core", "kd-sah"]),
     ("kd-trace", &["kd-core"]),
     ("kd-scene", &["kd-core"]),
+    ("kd-render", &["kd", "kd-scene"]),
+    ("kd-cli", &["kd", "kd-render", "kd-scene"]),
     (
         "kd",
         &["kd-core", "kd-merge", "kd-sah", "kd-trace", "kd-scene"],

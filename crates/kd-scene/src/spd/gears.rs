@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::tessellate::Draft;
 use super::{Look, look};
+use crate::tessellate::Draft;
 
 const TEETH: u32 = 36;
 /// The four corners of a tooth: angle in tooth pitches, and whether it is at the tip.

@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::balls::rotation;
-use super::tessellate::{Draft, UnitSphere};
 use super::{Look, look};
 use crate::Camera;
+use crate::tessellate::{Draft, UnitSphere};
 
 /// Coarser than in the other scenes.
 const RESOLUTION: u32 = 2;

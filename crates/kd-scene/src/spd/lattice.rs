@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::tessellate::{Draft, RESOLUTION, UnitSphere};
 use super::{Look, look};
 use crate::Camera;
+use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
 
 pub(super) fn make(size: u32) -> (Draft, Look) {
     let mut draft = Draft::default();

@@ -4,8 +4,8 @@ use std::f64::consts::{LN_2, SQRT_2};
 
 use glam::DVec3;
 
-use super::tessellate::{Draft, RESOLUTION, UnitSphere};
 use super::{Look, look};
+use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
 
 const FRACTAL_DIMENSION: f64 = 2.2;
 /// Another number is another mountain.

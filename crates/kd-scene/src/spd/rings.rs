@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_8, PI, TAU};
 use glam::DVec3;
 
 use super::balls::rotation;
-use super::tessellate::{Draft, RESOLUTION, UnitSphere};
 use super::{Look, look};
+use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
 
 const RADIUS: f64 = 0.07412;
 

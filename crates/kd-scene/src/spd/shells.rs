@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::tessellate::{Draft, RESOLUTION, UnitSphere};
 use super::{Look, look};
+use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
 
 pub(super) fn make(size: u32) -> (Draft, Look) {
     let mut draft = Draft::default();

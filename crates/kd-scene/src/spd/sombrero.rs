@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::tessellate::Draft;
 use super::{Look, look};
 use crate::Camera;
+use crate::tessellate::Draft;
 
 pub(super) fn make(size: u32) -> (Draft, Look) {
     let mut draft = Draft::default();

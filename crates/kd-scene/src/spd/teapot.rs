@@ -6,8 +6,8 @@
 
 use glam::DVec3;
 
-use super::tessellate::Draft;
 use super::{Look, look};
+use crate::tessellate::Draft;
 
 /// Control points of a curve to turn: radius, height, and how far around the inner points of the
 /// quarter circle reach, in radii.

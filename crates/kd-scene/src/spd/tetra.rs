@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::tessellate::Draft;
 use super::{Look, look};
 use crate::Camera;
+use crate::tessellate::Draft;
 
 /// Four corners of a cube that are a tetrahedron: those whose signs multiply to +1.
 const CORNERS: [[f64; 3]; 4] = [

@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec3};
 
 use super::balls::rotation;
-use super::tessellate::{Draft, RESOLUTION, UnitSphere};
 use super::{Look, look};
+use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
 
 /// How much thinner a branch is than its parent, and its tip than its base.
 const TAPER: f64 = 0.67;

@@ -23,6 +23,11 @@ impl<'a> Frame<'a> {
     pub(super) fn new(data: &'a FrameData) -> Self {
         Self { data }
     }
+
+    /// The parts, for as long as the scene is borrowed.
+    pub fn data(self) -> &'a FrameData {
+        self.data
+    }
 }
 
 impl Deref for Frame<'_> {

@@ -11,41 +11,41 @@ use glam::DVec3;
 use kd_core::{Mesh, MeshError};
 
 /// The resolution of all scenes but jacks.
-pub(super) const RESOLUTION: u32 = 4;
+pub(crate) const RESOLUTION: u32 = 4;
 
 /// A mesh in the making. Positions are rounded to `f32` on the way in.
 #[derive(Default)]
-pub(super) struct Draft {
+pub(crate) struct Draft {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl Draft {
-    pub(super) fn vertex(&mut self, position: DVec3) -> u32 {
+    pub(crate) fn vertex(&mut self, position: DVec3) -> u32 {
         let index = u32::try_from(self.positions.len());
         self.positions.push(position.as_vec3().to_array());
         index.expect("a scene within its limit of triangles has far fewer than 2^32 vertices")
     }
 
-    pub(super) fn triangle(&mut self, corners: [u32; 3]) {
+    pub(crate) fn triangle(&mut self, corners: [u32; 3]) {
         self.triangles.push(corners);
     }
 
     /// Two triangles that share the diagonal from the first corner to the third.
-    pub(super) fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
+    pub(crate) fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
         self.triangle([a, b, c]);
         self.triangle([a, c, d]);
     }
 
     /// A square of side `2 * half` around `center`, at a right angle to z, facing up.
-    pub(super) fn floor(&mut self, center: DVec3, half: f64) {
+    pub(crate) fn floor(&mut self, center: DVec3, half: f64) {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
         let corners = corners.map(|(x, y)| center + half * DVec3::new(x, y, 0.0));
         let corners = corners.map(|corner| self.vertex(corner));
         self.quad(corners);
     }
 
-    pub(super) fn sphere(&mut self, unit: &UnitSphere, center: DVec3, radius: f64) {
+    pub(crate) fn sphere(&mut self, unit: &UnitSphere, center: DVec3, radius: f64) {
         let place = |&direction: &DVec3| center + radius * direction;
         let base = u32::try_from(self.positions.len());
         let base =
@@ -59,14 +59,9 @@ impl Draft {
     }
 
     /// The side of a cone from a circle around `base` to one around `tip`. The ends must differ.
-    pub(super) fn cone(&mut self, resolution: u32, base: (DVec3, f64), tip: (DVec3, f64)) {
-        let axis = (tip.0 - base.0).normalize();
-        let (across, along) = axis.any_orthonormal_pair();
-        let sides = 4 * resolution;
-        let ring: Vec<[u32; 2]> = (0..sides)
-            .map(|side| {
-                let (sine, cosine) = libm::sincos(TAU * f64::from(side) / f64::from(sides));
-                let outwards = cosine * across + sine * along;
+    pub(crate) fn cone(&mut self, resolution: u32, base: (DVec3, f64), tip: (DVec3, f64)) {
+        let ring: Vec<[u32; 2]> = around(tip.0 - base.0, resolution)
+            .map(|outwards| {
                 [base, tip].map(|(center, radius)| self.vertex(center + radius * outwards))
             })
             .collect();
@@ -76,19 +71,29 @@ impl Draft {
         }
     }
 
-    pub(super) fn into_mesh(self) -> Result<Mesh, MeshError> {
+    pub(crate) fn into_mesh(self) -> Result<Mesh, MeshError> {
         Mesh::new(self.positions, self.triangles)
     }
 }
 
+/// Unit vectors at right angles to an axis, all the way round: of a cone or a cylinder.
+pub(crate) fn around(axis: DVec3, resolution: u32) -> impl Iterator<Item = DVec3> {
+    let (across, along) = axis.normalize().any_orthonormal_pair();
+    let sides = 4 * resolution;
+    (0..sides).map(move |side| {
+        let (sine, cosine) = libm::sincos(TAU * f64::from(side) / f64::from(sides));
+        cosine * across + sine * along
+    })
+}
+
 /// A tessellated sphere of radius 1 around the origin, made once and placed many times.
-pub(super) struct UnitSphere {
-    directions: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
+pub(crate) struct UnitSphere {
+    pub(crate) directions: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 impl UnitSphere {
-    pub(super) fn new(resolution: u32) -> Self {
+    pub(crate) fn new(resolution: u32) -> Self {
         // Equal angles along an edge of the cube; its ends exactly at the corners.
         let coordinate = |step: u32| match step {
             0 => -1.0,

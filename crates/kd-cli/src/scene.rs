@@ -1,0 +1,158 @@
+//! Which scene, and by which builder.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use kd::BuildOptions;
+use kd_scene::{AffOptions, SceneDescription, Spd, load_scene, toy_room};
+
+/// Which scene.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct SceneArgs {
+    /// A file (.aff, .nff, .obj, .ply), `room:N`, or a generated scene and its size, as `gears:4`
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene: String,
+
+    /// Leave out commands of AFF and NFF files that are not known
+    #[arg(long)]
+    lenient: bool,
+
+    /// Include files of AFF scenes for this much detail
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    detail: u32,
+
+    /// Which frame of the animation, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) frame: usize,
+}
+
+impl SceneArgs {
+    pub(crate) fn load(&self) -> anyhow::Result<SceneDescription> {
+        if let Some((name, size)) = self.scene.split_once(':')
+            && !PathBuf::from(&self.scene).exists()
+        {
+            return generated(name, size);
+        }
+        let options = AffOptions {
+            lenient: self.lenient,
+            detail: self.detail,
+            ..AffOptions::default()
+        };
+        Ok(load_scene(&self.scene, &options)?)
+    }
+
+    /// The time of the frame, in seconds.
+    pub(crate) fn time(&self, scene: &SceneDescription) -> anyhow::Result<f64> {
+        time_of(scene, self.frame)
+    }
+}
+
+fn generated(name: &str, size: &str) -> anyhow::Result<SceneDescription> {
+    let size = u32::from_str(size).with_context(|| format!("the size of `{name}:{size}`"))?;
+    if name == "room" {
+        return Ok(toy_room(size)?);
+    }
+    let Some(spd) = Spd::ALL.into_iter().find(|spd| spd.to_string() == name) else {
+        let names = Spd::ALL.map(|spd| spd.to_string());
+        bail!(
+            "there is no generated scene `{name}`; there are room, {}",
+            names.join(", ")
+        );
+    };
+    Ok(SceneDescription::of_setup(spd.generate(size)?))
+}
+
+/// The time of a frame, in seconds.
+pub(crate) fn time_of(scene: &SceneDescription, frame: usize) -> anyhow::Result<f64> {
+    match scene.span {
+        None if frame == 0 => Ok(0.0),
+        None => bail!("frame {frame}: the scene has no animation"),
+        Some(span) if frame < span.frames => Ok(span.time_of(frame)),
+        Some(span) => bail!(
+            "frame {frame}: the animation has {} frames, from 0",
+            span.frames
+        ),
+    }
+}
+
+/// Which builder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Builder {
+    /// Best to trace
+    Best,
+    /// Nearly as good, and faster
+    Balanced,
+    /// The fastest
+    Fast,
+}
+
+impl Builder {
+    pub(crate) fn options(self) -> BuildOptions {
+        match self {
+            Self::Best => BuildOptions::best(),
+            Self::Balanced => BuildOptions::balanced(),
+            Self::Fast => BuildOptions::fast(),
+        }
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Best => "best",
+            Self::Balanced => "balanced",
+            Self::Fast => "fast",
+        }
+    }
+}
+
+/// Width and height, as `800x600`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+impl FromStr for Size {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> anyhow::Result<Self> {
+        let (width, height) = text.split_once('x').context("a size is like 800x600")?;
+        let [width, height] = [width, height].map(u32::from_str);
+        let (width, height) = (width?, height?);
+        if width == 0 || height == 0 || width > 1 << 15 || height > 1 << 15 {
+            bail!("pictures have from 1 to 32768 pixels in each direction");
+        }
+        Ok(Self { width, height })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_numbers() {
+        let size = "80x60".parse::<Size>().expect("valid");
+        assert_eq!((size.width, size.height), (80, 60));
+        for bad in ["80", "80x", "0x5", "x", "-1x2", "99999x1"] {
+            assert!(bad.parse::<Size>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn frames_are_those_of_the_animation() {
+        let room = generated("room", "1").expect("small");
+        let last = room.span.expect("it moves").frames - 1;
+        assert!(time_of(&room, last).is_ok() && time_of(&room, last + 1).is_err());
+        let gears = generated("gears", "1").expect("small");
+        assert!(time_of(&gears, 0).is_ok() && time_of(&gears, 1).is_err());
+        let error = generated("nothing", "1")
+            .expect_err("no such scene")
+            .to_string();
+        assert!(
+            error.contains("room, ") && error.contains("gears"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,92 @@
+//! `kd stats`.
+
+use clap::Args;
+use kd::KdTree;
+use kd_scene::SceneDescription;
+
+use crate::scene::{Builder, SceneArgs};
+
+/// Of which scene.
+#[derive(Args, Debug)]
+pub(crate) struct StatsArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+
+    /// Which builder
+    #[arg(long, value_enum, default_value_t = Builder::Best)]
+    builder: Builder,
+}
+
+pub(crate) fn run(arguments: &StatsArgs) -> anyhow::Result<()> {
+    let scene = arguments.scene.load()?;
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let time = arguments.scene.time(&scene)?;
+    print!("{}", description(&scene, time));
+    let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
+    println!(
+        "tree by {}, of everything at {time} s:\n{}",
+        arguments.builder.name(),
+        tree.stats()
+    );
+    Ok(())
+}
+
+/// What is in a scene, as lines.
+fn description(scene: &SceneDescription, time: f64) -> String {
+    use std::fmt::Write;
+
+    let mut text = String::new();
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "{what:<12} {value}");
+    };
+    let triangles: usize = scene.parts.iter().map(|part| part.mesh.len()).sum();
+    let moving = scene
+        .parts
+        .iter()
+        .filter(|part| part.node.is_some() || part.morph.is_some());
+    let moving: usize = moving.map(|part| part.mesh.len()).sum();
+    line(
+        "triangles",
+        format!("{triangles}, of which {moving} may move"),
+    );
+    line("parts", scene.parts.len().to_string());
+    for part in &scene.parts {
+        let name = if part.name.is_empty() {
+            "(still)"
+        } else {
+            &part.name
+        };
+        let seen = if scene.is_visible(part, time) {
+            ""
+        } else {
+            ", not seen"
+        };
+        line("", format!("{name}: {}{seen}", part.mesh.len()));
+    }
+    line("lights", scene.lights.len().to_string());
+    line("materials", scene.materials.len().to_string());
+    let missing = scene
+        .textures
+        .iter()
+        .filter(|texture| !texture.path.exists());
+    line(
+        "textures",
+        format!(
+            "{}, of which {} are missing",
+            scene.textures.len(),
+            missing.count()
+        ),
+    );
+    if let Some(span) = scene.span {
+        line(
+            "animation",
+            format!(
+                "{} frames from {} to {} s",
+                span.frames, span.start, span.end
+            ),
+        );
+    }
+    text
+}

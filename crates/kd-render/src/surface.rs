@@ -1,0 +1,110 @@
+//! What a ray meets: a point, its normals, and its colours.
+
+use kd::glam::{Vec2, Vec3, Vec3A};
+use kd::{Ray, offset_origin};
+use kd_scene::{Material, Surface};
+
+use crate::stage::Stage;
+use crate::tracer::PartHit;
+
+/// A point of a surface, seen along a ray.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfacePoint<'a> {
+    pub(crate) at: Vec3,
+    /// Of unit length, on the side that the ray comes from.
+    pub(crate) flat_normal: Vec3,
+    /// Of unit length, of the smooth surface, on the same side.
+    pub(crate) normal: Vec3,
+    /// Whether the ray comes from outside.
+    pub(crate) is_outside: bool,
+    pub(crate) material: &'a Material,
+    /// The colour of its texture, by which those of the material are multiplied.
+    pub(crate) texture: Vec3,
+}
+
+impl<'a> SurfacePoint<'a> {
+    /// Nothing for triangles without area, which have no side.
+    pub(crate) fn new(
+        stage: &'a Stage,
+        with_textures: bool,
+        ray: &Ray,
+        hit: &PartHit,
+    ) -> Option<Self> {
+        let part = &stage.description().parts[hit.part];
+        let shown = stage.shown(hit.part);
+        let triangle = hit.hit.triangle as usize;
+        let flat_normal = shown.mesh.normal(hit.hit.triangle);
+        if flat_normal == Vec3::ZERO {
+            return None;
+        }
+        let weights = Vec3::new(1.0 - hit.hit.u - hit.hit.v, hit.hit.u, hit.hit.v);
+        let normals = if shown.morphed_normals.is_empty() {
+            &part.surface.normals
+        } else {
+            &shown.morphed_normals
+        };
+        let smooth = normals.get(triangle).map(|[a, b, c]| {
+            let normal = weights.x * *a + weights.y * *b + weights.z * *c;
+            Vec3::from(shown.inverse_transpose * Vec3A::from(normal)).normalize_or_zero()
+        });
+        let smooth = smooth.filter(|normal| *normal != Vec3::ZERO);
+        // Which side is outside is what the normals of the file say, where there are any.
+        let outwards = smooth.unwrap_or(flat_normal);
+        let is_outside = if smooth.is_some() && outwards.dot(flat_normal) < 0.0 {
+            ray.direction.dot(flat_normal) > 0.0
+        } else {
+            ray.direction.dot(flat_normal) < 0.0
+        };
+        let facing = |normal: Vec3| {
+            if ray.direction.dot(normal) > 0.0 {
+                -normal
+            } else {
+                normal
+            }
+        };
+        let flat_normal = facing(flat_normal);
+        let mut normal = if is_outside { outwards } else { -outwards };
+        // Smooth normals at the edge of what is seen may look away.
+        if normal.dot(ray.direction) > 0.0 {
+            normal = (normal - normal.project_onto(ray.direction)).normalize_or(flat_normal);
+        }
+        Some(Self {
+            at: corner_blend(shown.mesh.corners(hit.hit.triangle), weights),
+            flat_normal,
+            normal,
+            is_outside,
+            material: &stage.description().materials[part.surface.materials[triangle] as usize],
+            texture: if with_textures {
+                texture_at(stage, &part.surface, triangle, weights)
+            } else {
+                Vec3::ONE
+            },
+        })
+    }
+
+    /// Where a ray starts that leaves to the side that was seen.
+    pub(crate) fn above(&self) -> Vec3 {
+        offset_origin(self.at, self.flat_normal)
+    }
+
+    /// Where a ray starts that goes on through the surface.
+    pub(crate) fn below(&self) -> Vec3 {
+        offset_origin(self.at, -self.flat_normal)
+    }
+}
+
+fn corner_blend(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let weights = weights.as_dvec3();
+    (weights.x * a + weights.y * b + weights.z * c).as_vec3()
+}
+
+fn texture_at(stage: &Stage, surface: &Surface, triangle: usize, weights: Vec3) -> Vec3 {
+    let number = surface.textures.get(triangle).copied();
+    let texture = number.and_then(|number| stage.texture(number));
+    let (Some(texture), Some(uvs)) = (texture, surface.uvs.get(triangle)) else {
+        return Vec3::ONE;
+    };
+    let [a, b, c] = uvs.map(Vec2::from);
+    texture.at((weights.x * a + weights.y * b + weights.z * c).to_array())
+}

@@ -1,0 +1,87 @@
+//! Pictures on surfaces.
+
+use std::path::Path;
+
+use image::{ImageError, RgbImage};
+use kd::glam::Vec3;
+use kd_scene::ColorSpace;
+
+/// A picture, repeated in both directions.
+#[derive(Clone, Debug)]
+pub(crate) struct TextureImage {
+    width: u32,
+    height: u32,
+    /// By rows from above.
+    texels: Vec<Vec3>,
+}
+
+impl TextureImage {
+    /// Reads PNG, JPEG, or PPM and its kin, whatever the file is called.
+    pub(crate) fn load(path: &Path, colors: ColorSpace) -> Result<Self, ImageError> {
+        let reader = image::ImageReader::open(path)?.with_guessed_format()?;
+        Ok(Self::new(&reader.decode()?.to_rgb8(), colors))
+    }
+
+    fn new(image: &RgbImage, colors: ColorSpace) -> Self {
+        let texel = |pixel: &image::Rgb<u8>| colors.decoded(pixel.0);
+        Self {
+            width: image.width(),
+            height: image.height(),
+            texels: image.pixels().map(texel).collect(),
+        }
+    }
+
+    /// The colour at a place, blended from the four texels around it.
+    pub(crate) fn at(&self, [u, v]: [f32; 2]) -> Vec3 {
+        if self.texels.is_empty() || !(u.is_finite() && v.is_finite()) {
+            return Vec3::ONE;
+        }
+        // Centres of texels are at halves.
+        let place = |x: f32, count: u32| {
+            let x = (x - x.floor()) * count as f32 - 0.5;
+            let before = x.floor();
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "before the first is the last; beyond the last rounding leads to the first"
+            )]
+            let first = if before < 0.0 {
+                count - 1
+            } else {
+                before as u32 % count
+            };
+            (first, (first + 1) % count, x - before)
+        };
+        let (left, right, across) = place(u, self.width);
+        let (above, below, down) = place(v, self.height);
+        let texel = |column: u32, row: u32| self.texels[(row * self.width + column) as usize];
+        let upper = texel(left, above).lerp(texel(right, above), across);
+        let lower = texel(left, below).lerp(texel(right, below), across);
+        upper.lerp(lower, down)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_blended_and_repeat() {
+        let mut image = RgbImage::new(2, 1);
+        image.put_pixel(0, 0, image::Rgb([255, 0, 0]));
+        image.put_pixel(1, 0, image::Rgb([0, 0, 255]));
+        let texture = TextureImage::new(&image, ColorSpace::Display);
+        assert_eq!(texture.at([0.25, 0.9]), Vec3::X, "the middle of a texel");
+        assert_eq!(texture.at([0.5, 0.5]), Vec3::new(0.5, 0.0, 0.5), "half way");
+        assert_eq!(
+            texture.at([0.0, 0.5]),
+            Vec3::new(0.5, 0.0, 0.5),
+            "over the edge"
+        );
+        assert_eq!(texture.at([-4.75, 7.0]), Vec3::X, "far away");
+        for place in [[1e30, -1e30], [1.0 - f32::EPSILON / 2.0, 1.0], [-1e-9, 0.0]] {
+            assert!(texture.at(place).is_finite(), "{place:?}");
+        }
+        assert_eq!(texture.at([f32::NAN, 0.0]), Vec3::ONE, "nowhere");
+    }
+}

@@ -1,0 +1,170 @@
+//! Views of the tree itself, so that one sees what a builder did.
+
+use kd::glam::{DVec3, Vec3};
+use kd::{Aabb, Hit, KdTree, NodeIndex, NodeView, Ray, Tree};
+use kd_scene::{Camera, ColorSpace, View};
+use rayon::prelude::*;
+
+use crate::picture::Picture;
+
+/// A number for each pixel, as colours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heat {
+    /// From dark to bright.
+    pub picture: Picture,
+    /// The mean over all pixels.
+    pub mean: f64,
+    /// What is shown as the brightest colour; of 200 pixels one may have more.
+    pub brightest: u32,
+}
+
+/// What the ray of each pixel costs: nodes, leaves and triangles that it looks at.
+pub fn heat_map(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
+    by_pixel(camera, size, |ray| {
+        let (_, counts) = tree.intersect_counted(ray);
+        counts.nodes + counts.leaves + counts.triangles
+    })
+}
+
+/// How many levels are above the leaf in which the ray of each pixel ends, 0 where it meets nothing: of the kd-tree, whatever
+/// it is traced through.
+pub fn leaf_depths(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
+    by_pixel(camera, size, |ray| {
+        let hit = tree.intersect(ray);
+        hit.map_or(0, |hit| leaf_depth(tree.tree(), ray, &hit))
+    })
+}
+
+/// Levels above the leaf where a hit is.
+fn leaf_depth(tree: &Tree, ray: &Ray, hit: &Hit) -> u32 {
+    let point = hit.point(ray);
+    let mut place = tree.root();
+    let mut depth = 0;
+    while let NodeView::Interior { axis, split, first } = tree.nodes()[place.index()].view() {
+        let is_above = point[axis.index()] > split;
+        place = if is_above { first.sibling() } else { first };
+        depth += 1;
+    }
+    depth
+}
+
+fn by_pixel(camera: &Camera, [width, height]: [u32; 2], of: impl Fn(&Ray) -> u32 + Sync) -> Heat {
+    let view = camera.view(width as f32 / height as f32);
+    let pixels = width as usize * height as usize;
+    let numbers: Vec<u32> = (0..height)
+        .into_par_iter()
+        .flat_map_iter(|row| {
+            let of = &of;
+            (0..width).map(move |column| {
+                of(&Ray::new(
+                    view.eye,
+                    view.through_pixel(column, row, width, height),
+                ))
+            })
+        })
+        .collect();
+    let mut sorted = numbers.clone();
+    sorted.sort_unstable();
+    let brightest = sorted
+        .get(pixels.saturating_sub(1) * 199 / 200)
+        .copied()
+        .unwrap_or(0)
+        .max(1);
+    let sum: u64 = numbers.iter().map(|number| u64::from(*number)).sum();
+    let colors = numbers.iter().map(|number| {
+        let share = (f64::from(*number) / f64::from(brightest)).min(1.0);
+        let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(share);
+        ColorSpace::Display.decoded([r, g, b])
+    });
+    let mut picture = Picture::new(width, height, Vec3::ZERO, ColorSpace::Display);
+    picture.pixels = colors.collect();
+    Heat {
+        picture,
+        mean: sum as f64 / pixels.max(1) as f64,
+        brightest,
+    }
+}
+
+/// Draws the cells of all nodes of a level over a picture, and of leaves above it; those that are empty are left out.
+pub fn draw_boxes(picture: &mut Picture, tree: &KdTree, camera: &Camera, level: u32) {
+    let view = camera.view(picture.width as f32 / picture.height as f32);
+    let tree = tree.tree();
+    let mut cells = vec![(tree.root(), tree.bounds(), 0)];
+    while let Some((place, cell, depth)) = cells.pop() {
+        match tree.nodes()[place.index()].view() {
+            NodeView::Interior { axis, split, first } if depth < level => {
+                let (lower, upper) = cell.split(axis, split);
+                let children: [(NodeIndex, Aabb); 2] = [(first, lower), (first.sibling(), upper)];
+                cells.extend(children.map(|(child, cell)| (child, cell, depth + 1)));
+            }
+            NodeView::Leaf { count: 0, .. } => {}
+            _ => {
+                let hue = f64::from(depth % 12) / 12.0;
+                let colorous::Color { r, g, b } = colorous::RAINBOW.eval_continuous(hue);
+                let color = ColorSpace::Display.decoded([r, g, b]);
+                draw_box(picture, &view, &cell, color);
+            }
+        }
+    }
+}
+
+fn draw_box(picture: &mut Picture, view: &View, cell: &Aabb, color: Vec3) {
+    let ends = [cell.min.as_dvec3(), cell.max.as_dvec3()];
+    let corner = |i: usize| DVec3::new(ends[i & 1].x, ends[i >> 1 & 1].y, ends[i >> 2 & 1].z);
+    for from in 0..8_usize {
+        for axis in [1, 2, 4] {
+            if from & axis == 0 {
+                draw_line(picture, view, [corner(from), corner(from | axis)], color);
+            }
+        }
+    }
+}
+
+/// How near to the eye lines begin, in units of the distance to the middle of the picture.
+const NEAR: f64 = 1e-3;
+
+fn draw_line(picture: &mut Picture, view: &View, ends: [DVec3; 2], color: Vec3) {
+    let [forward, right, down] = [view.forward, view.right, view.down].map(|v| v.as_dvec3());
+    let mut ends = ends.map(|end| end - view.eye.as_dvec3());
+    let depths = ends.map(|end| end.dot(forward));
+    // What is behind the eye is cut off.
+    for (i, other) in [(0, 1), (1, 0)] {
+        if depths[i] < NEAR {
+            if depths[other] < NEAR {
+                return;
+            }
+            let part = (NEAR - depths[i]) / (depths[other] - depths[i]);
+            ends[i] = ends[i].lerp(ends[other], part);
+        }
+    }
+    let size = DVec3::new(f64::from(picture.width), f64::from(picture.height), 0.0);
+    let place = |end: DVec3| {
+        let depth = end.dot(forward);
+        let x = end.dot(right) / right.length_squared() / depth;
+        let y = end.dot(down) / down.length_squared() / depth;
+        DVec3::new(0.5 + 0.5 * x, 0.5 + 0.5 * y, 0.0) * size
+    };
+    let [from, to] = ends.map(place);
+    // No longer than it can be seen.
+    let steps = (to - from)
+        .abs()
+        .max_element()
+        .min(4.0 * size.max_element())
+        .ceil()
+        .max(1.0);
+    let mut step = 0.0;
+    while step <= steps {
+        let at = from.lerp(to, step / steps);
+        step += 1.0;
+        if at.x >= 0.0 && at.y >= 0.0 && at.x < size.x && at.y < size.y {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "within the picture"
+            )]
+            let (column, row) = (at.x as u32, at.y as u32);
+            let blended = picture.at(column, row).lerp(color, 0.7);
+            picture.set(column, row, blended);
+        }
+    }
+}

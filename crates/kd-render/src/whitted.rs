@@ -1,0 +1,194 @@
+//! Whitted's ray tracer: light straight from lights, mirrors and glass (T. Whitted, *An Improved Illumination Model for Shaded
+//! Display*, 1980).
+//!
+//! Rays are asked in waves: all rays of a tile, then all rays to each light from what they met, then all that are mirrored or
+//! refracted there. So those that are asked together are neighbours and go the same way.
+
+use kd::Ray;
+use kd::glam::Vec3;
+use kd_scene::{Material, View};
+
+use crate::render::{RayCounts, RenderOptions, Tile};
+use crate::stage::{ShownLight, Stage};
+use crate::surface::SurfacePoint;
+use crate::tracer::Tracer;
+
+/// Paths that add less than this to any colour of a pixel end.
+const LEAST_WEIGHT: f32 = 1.0 / 512.0;
+
+/// What a ray adds to.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    /// The sample of the tile.
+    sample: usize,
+    weight: Vec3,
+}
+
+/// Rays that are asked together, and what they add to.
+#[derive(Debug, Default)]
+struct Wave {
+    rays: Vec<Ray>,
+    paths: Vec<Path>,
+}
+
+impl Wave {
+    fn push(&mut self, ray: Ray, sample: usize, weight: Vec3) {
+        if weight.max_element() >= LEAST_WEIGHT {
+            self.rays.push(ray);
+            self.paths.push(Path { sample, weight });
+        }
+    }
+}
+
+/// What is seen by each sample of a tile.
+pub(crate) fn trace(
+    stage: &Stage,
+    tracer: &impl Tracer,
+    options: &RenderOptions,
+    view: &View,
+    tile: &Tile,
+) -> (Vec<Vec3>, RayCounts) {
+    let lights = stage.lights(options.lights);
+    let mut counts = RayCounts::default();
+    let mut wave = Wave::default();
+    for (sample, [x, y]) in tile.samples(options).enumerate() {
+        wave.push(Ray::new(view.eye, view.direction(x, y)), sample, Vec3::ONE);
+    }
+    counts.primary += wave.rays.len() as u64;
+    let mut colors = vec![Vec3::ZERO; wave.rays.len()];
+    for bounce in 0..=options.bounces {
+        if wave.rays.is_empty() {
+            break;
+        }
+        let mut hits = vec![None; wave.rays.len()];
+        tracer.intersect(&wave.rays, &mut hits);
+        let mut points = Vec::with_capacity(hits.len());
+        for ((ray, path), hit) in wave.rays.iter().zip(&wave.paths).zip(&hits) {
+            let Some(hit) = hit else {
+                colors[path.sample] += path.weight * stage.description().background;
+                continue;
+            };
+            if let Some(point) = SurfacePoint::new(stage, options.textures, ray, hit) {
+                let ambient = stage.description().ambient * point.material.ambient;
+                colors[path.sample] += path.weight * ambient * point.texture;
+                points.push((*ray, *path, point));
+            }
+        }
+        for light in &lights {
+            light_up(tracer, light, &points, &mut colors, &mut counts);
+        }
+        wave = Wave::default();
+        if bounce < options.bounces {
+            for (ray, path, point) in &points {
+                counts += scatter(ray, path, point, &mut wave);
+            }
+        }
+    }
+    (colors, counts)
+}
+
+/// Adds the light of one lamp at all points that see it.
+fn light_up(
+    tracer: &impl Tracer,
+    light: &ShownLight,
+    points: &[(Ray, Path, SurfacePoint<'_>)],
+    colors: &mut [Vec3],
+    counts: &mut RayCounts,
+) {
+    let mut rays = Vec::new();
+    let mut lit = Vec::new();
+    for (ray, path, point) in points {
+        let to_light = (light.position - point.at).normalize_or_zero();
+        if to_light.dot(point.flat_normal) <= 0.0 {
+            continue;
+        }
+        let color = phong(
+            point.material,
+            point.texture,
+            point.normal,
+            to_light,
+            ray.direction,
+        );
+        let color = path.weight * light.color * color;
+        if color.max_element() > 0.0 {
+            rays.push(Ray::between(point.above(), light.position));
+            lit.push((path.sample, color));
+        }
+    }
+    let mut occluded = vec![false; rays.len()];
+    tracer.occluded(&rays, &mut occluded);
+    counts.shadow += rays.len() as u64;
+    for ((sample, color), occluded) in lit.into_iter().zip(occluded) {
+        if !occluded {
+            colors[sample] += color;
+        }
+    }
+}
+
+/// How a surface gives back light (B. T. Phong, *Illumination for Computer Generated Pictures*, 1975).
+fn phong(
+    material: &Material,
+    texture: Vec3,
+    normal: Vec3,
+    to_light: Vec3,
+    seen_along: Vec3,
+) -> Vec3 {
+    let facing = normal.dot(to_light);
+    if facing <= 0.0 {
+        return Vec3::ZERO;
+    }
+    let dull = material.diffuse * texture * facing;
+    let mirrored = to_light - 2.0 * facing * normal;
+    let toward = mirrored.dot(seen_along.normalize_or_zero());
+    if material.shine <= 0.0 || toward <= 0.0 {
+        return dull;
+    }
+    dull + material.specular * toward.powf(material.shine)
+}
+
+/// The rays that go on from a point.
+fn scatter(ray: &Ray, path: &Path, point: &SurfacePoint<'_>, wave: &mut Wave) -> RayCounts {
+    let mut counts = RayCounts::default();
+    let direction = ray.direction.normalize_or_zero();
+    let material = point.material;
+    let before = wave.rays.len();
+    let mut mirror = material.specular;
+    if material.transmittance > 0.0 {
+        match refracted(direction, point, material.refraction) {
+            Some(refracted) => {
+                let weight = path.weight * material.transmittance;
+                wave.push(Ray::new(point.below(), refracted), path.sample, weight);
+                counts.refracted += (wave.rays.len() - before) as u64;
+            }
+            // Nothing gets out: all of it is mirrored.
+            None => mirror += material.transmittance,
+        }
+    }
+    let before = wave.rays.len();
+    let mirrored = direction - 2.0 * direction.dot(point.normal) * point.normal;
+    // A smooth normal may mirror into the surface.
+    if mirrored.dot(point.flat_normal) > 0.0 {
+        wave.push(
+            Ray::new(point.above(), mirrored),
+            path.sample,
+            path.weight * mirror,
+        );
+    }
+    counts.mirrored += (wave.rays.len() - before) as u64;
+    counts
+}
+
+/// Where light goes on behind a surface (Snell's law); nowhere if all of it is mirrored.
+fn refracted(direction: Vec3, point: &SurfacePoint<'_>, refraction: f32) -> Option<Vec3> {
+    if refraction <= 0.0 || refraction == 1.0 {
+        return Some(direction);
+    }
+    let ratio = if point.is_outside {
+        1.0 / refraction
+    } else {
+        refraction
+    };
+    let cosine = -direction.dot(point.normal);
+    let square = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
+    (square >= 0.0).then(|| ratio * direction + (ratio * cosine - square.sqrt()) * point.normal)
+}
