@@ -222,7 +222,7 @@ fn picture(
         }
         Some(View::Boxes) | None => {
             let rendering = render(stage, &stage.tracer(), &camera, options, &|counts| {
-                progress.tile(counts)
+                progress.tile(counts);
             });
             let mut picture = rendering.picture;
             if view == Some(View::Boxes) {

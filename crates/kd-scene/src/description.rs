@@ -249,8 +249,8 @@ impl SceneDescription {
 
     /// A generated scene, with its camera and lights.
     pub fn of_setup(setup: SceneSetup) -> Self {
-        // Lights of NFF are as bright together as a single one would be, or nearly so.
-        let brightness = 1.0 / libm::sqrtf(setup.lights.len().max(1) as f32);
+        // As bright together as a single one would be.
+        let brightness = 1.0 / setup.lights.len().max(1) as f32;
         let lights = setup.lights.iter().map(|position| Light {
             position: *position,
             color: Vec3::splat(brightness),
