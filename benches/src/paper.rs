@@ -3,6 +3,7 @@
 mod growth;
 mod merge_table;
 mod mirrors;
+mod rendered;
 mod traced;
 
 use std::path::PathBuf;
@@ -43,6 +44,18 @@ pub(crate) struct PaperArgs {
     #[arg(long)]
     growth: bool,
 
+    /// Instead, make the pictures too, by the renderer: on all threads, with textures
+    #[arg(long, conflicts_with = "growth")]
+    rendered: bool,
+
+    /// With --rendered: tell of every Nth frame of all whether merging gives its picture sooner
+    #[arg(long, value_name = "N", requires = "rendered")]
+    share: Option<usize>,
+
+    /// With --rendered: also write the picture of the frame in the middle, with six lights
+    #[arg(long, value_name = "FILE", requires = "rendered")]
+    picture: Option<PathBuf>,
+
     /// Measure Embree's ways to follow what moves, too
     #[arg(long)]
     peers: bool,
@@ -70,6 +83,7 @@ enum PaperTable {
 pub(crate) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     match arguments.table {
         PaperTable::MergeTable if arguments.growth => growth::run(arguments),
+        PaperTable::MergeTable if arguments.rendered => rendered::run(arguments),
         PaperTable::MergeTable => merge_table::run(arguments),
     }
 }

@@ -37,6 +37,20 @@ pub(crate) struct BarPlot<'a> {
     pub(crate) values: Vec<Vec<f64>>,
 }
 
+/// Bars in groups, each of two parts, one on the other.
+#[derive(Debug)]
+pub(crate) struct StackedBars {
+    /// What the axis measures, with its unit.
+    pub(crate) axis: &'static str,
+    /// What the lower and the upper parts are.
+    pub(crate) parts: [&'static str; 2],
+    /// What the bars of a group are.
+    pub(crate) names: [&'static str; 2],
+    pub(crate) groups: Vec<String>,
+    /// For each group, the parts of each bar.
+    pub(crate) values: Vec<[[f64; 2]; 2]>,
+}
+
 /// Points, on logarithmic axes.
 #[derive(Debug)]
 pub(crate) struct ScatterPlot<'a> {
@@ -153,6 +167,77 @@ impl BarPlot<'_> {
             EmptyElement::at(place) + Text::new((*name).to_owned(), (0, 6), centered.clone())
         });
         chart.draw_series(names).map_err(failed)?;
+        area.present().map_err(failed)?;
+        drop(chart);
+        drop(area);
+        Ok(svg)
+    }
+}
+
+impl StackedBars {
+    /// As SVG; empty if there is no group. Lower parts are darker.
+    pub(crate) fn to_svg(&self) -> anyhow::Result<String> {
+        let totals = self
+            .values
+            .iter()
+            .flatten()
+            .map(|[lower, upper]| lower + upper);
+        let highest = totals.fold(0.0, f64::max);
+        if highest <= 0.0 {
+            return Ok(String::new());
+        }
+        let mut svg = String::new();
+        let area = SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)).into_drawing_area();
+        let mut chart = ChartBuilder::on(&area)
+            .margin(8)
+            .margin_right(LEGEND)
+            .set_label_area_size(LabelAreaPosition::Left, 64)
+            .set_label_area_size(LabelAreaPosition::Bottom, 24)
+            .build_cartesian_2d(0.0..self.groups.len() as f64, 0.0..1.05 * highest)
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .disable_x_axis()
+            .disable_x_mesh()
+            .bold_line_style(BLACK.mix(0.15))
+            .y_desc(self.axis)
+            .label_style(FONT)
+            .draw()
+            .map_err(failed)?;
+        let shade = |bar: usize, part: usize| color(bar).mix(if part == 0 { 1.0 } else { 0.45 });
+        for (group, bars) in self.values.iter().enumerate() {
+            for (bar, parts) in bars.iter().enumerate() {
+                let start = group as f64 + 0.12 + 0.38 * bar as f64;
+                let mut low = 0.0;
+                let rectangles = parts.iter().enumerate().map(|(part, value)| {
+                    let bottom = low;
+                    low += value;
+                    let corners = [(start, bottom), (start + 0.34, low)];
+                    Rectangle::new(corners, shade(bar, part).filled())
+                });
+                chart.draw_series(rectangles).map_err(failed)?;
+            }
+        }
+        let centered = FONT
+            .into_text_style(&area)
+            .pos(Pos::new(HPos::Center, VPos::Top));
+        let names = self.groups.iter().enumerate().map(|(group, name)| {
+            let place = (group as f64 + 0.5, 0.0);
+            EmptyElement::at(place) + Text::new(name.clone(), (0, 6), centered.clone())
+        });
+        chart.draw_series(names).map_err(failed)?;
+        for bar in 0..2 {
+            for part in 0..2 {
+                let row = i32::try_from(2 * bar + part)?;
+                let (x, y) = (WIDTH.cast_signed() - LEGEND + 10, 16 + 18 * row);
+                let square = [(x, y), (x + 12, y + 12)];
+                area.draw(&Rectangle::new(square, shade(bar, part).filled()))
+                    .map_err(failed)?;
+                let name = format!("{}, {}", self.names[bar], self.parts[part]);
+                area.draw(&Text::new(name, (x + 18, y), FONT.into_text_style(&area)))
+                    .map_err(failed)?;
+            }
+        }
         area.present().map_err(failed)?;
         drop(chart);
         drop(area);

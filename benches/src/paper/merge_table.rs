@@ -24,7 +24,7 @@ use crate::run_folder;
 use crate::terminal;
 
 /// Frame, and milliseconds for copying the static tree, the dynamic tree, merging, tracing; building anew, tracing that.
-const SEED: [(usize, [f64; 6]); 10] = [
+pub(super) const SEED: [(usize, [f64; 6]); 10] = [
     (2, [32.0, 80.0, 178.0, 7394.0, 1198.0, 7165.0]),
     (4, [32.0, 78.0, 185.0, 6529.0, 1174.0, 6357.0]),
     (6, [32.0, 110.0, 201.0, 8624.0, 1234.0, 8716.0]),

@@ -20,6 +20,16 @@ pub trait Tracer: Sync {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
 }
 
+impl<T: Tracer> Tracer for &T {
+    fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
+        T::intersect(self, rays, hits);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        T::occluded(self, rays, occluded);
+    }
+}
+
 /// A frame of a scene, asked in batches.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTracer<'a> {

@@ -19,7 +19,13 @@ const EDGES: &[(&str, &[&str])] = &[
     (
         "kd-bench",
         &[
-            "kd", "kd-core", "kd-merge", "kd-sah", "kd-trace", "kd-scene",
+            "kd",
+            "kd-core",
+            "kd-merge",
+            "kd-render",
+            "kd-sah",
+            "kd-trace",
+            "kd-scene",
         ],
     ),
     ("xtask", &[]),
