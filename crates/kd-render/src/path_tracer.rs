@@ -57,7 +57,7 @@ pub(crate) fn trace(
             };
             // Mirrors and glass give back what they can as dull surfaces.
             let material = point.material;
-            let reflectance = (material.diffuse * point.texture + material.specular).min(Vec3::ONE);
+            let reflectance = (material.diffuse * point.texture + material.mirror).min(Vec3::ONE);
             let weight = path.weight * reflectance;
             if !lights.is_empty() {
                 // One light stands for all.

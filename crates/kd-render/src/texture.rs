@@ -11,8 +11,10 @@ use kd_scene::ColorSpace;
 pub(crate) struct TextureImage {
     width: u32,
     height: u32,
-    /// By rows from above.
-    texels: Vec<Vec3>,
+    /// By rows from above; a fourth byte, which is not used, keeps each in one word.
+    texels: Vec<[u8; 4]>,
+    /// What each byte means.
+    decoded: Box<[f32; 256]>,
 }
 
 impl TextureImage {
@@ -23,11 +25,16 @@ impl TextureImage {
     }
 
     fn new(image: &RgbImage, colors: ColorSpace) -> Self {
-        let texel = |pixel: &image::Rgb<u8>| colors.decoded(pixel.0);
+        let texel = |pixel: &image::Rgb<u8>| {
+            let [red, green, blue] = pixel.0;
+            [red, green, blue, 0]
+        };
+        let byte = |i: usize| u8::try_from(i).expect("below 256");
         Self {
             width: image.width(),
             height: image.height(),
             texels: image.pixels().map(texel).collect(),
+            decoded: Box::new(std::array::from_fn(|i| colors.decoded([byte(i); 3]).x)),
         }
     }
 
@@ -54,7 +61,11 @@ impl TextureImage {
         };
         let (left, right, across) = place(u, self.width);
         let (above, below, down) = place(v, self.height);
-        let texel = |column: u32, row: u32| self.texels[(row * self.width + column) as usize];
+        let texel = |column: u32, row: u32| {
+            let [red, green, blue, _] =
+                self.texels[row as usize * self.width as usize + column as usize];
+            Vec3::from([red, green, blue].map(|byte| self.decoded[usize::from(byte)]))
+        };
         let upper = texel(left, above).lerp(texel(right, above), across);
         let lower = texel(left, below).lerp(texel(right, below), across);
         upper.lerp(lower, down)

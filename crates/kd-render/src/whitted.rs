@@ -152,7 +152,7 @@ fn scatter(ray: &Ray, path: &Path, point: &SurfacePoint<'_>, wave: &mut Wave) ->
     let direction = ray.direction.normalize_or_zero();
     let material = point.material;
     let before = wave.rays.len();
-    let mut mirror = material.specular;
+    let mut mirror = material.mirror;
     if material.transmittance > 0.0 {
         match refracted(direction, point, material.refraction) {
             Some(refracted) => {

@@ -156,7 +156,7 @@ fn golden(name: &str) -> PathBuf {
 /// How far two pictures are apart: on average, and how many pixels by more than what one does not see.
 fn difference(a: &Picture, b: &image::RgbImage) -> (f64, usize) {
     let a = a.to_image();
-    assert_eq!(a.dimensions(), b.dimensions());
+    assert_eq!(a.dimensions(), b.dimensions(), "as large");
     let (mut sum, mut far) = (0.0, 0);
     for (a, b) in a.pixels().zip(b.pixels()) {
         let apart = a.0.iter().zip(b.0).map(|(a, b)| a.abs_diff(b));

@@ -273,6 +273,7 @@ impl Reader<'_> {
             ambient,
             diffuse,
             specular,
+            mirror: specular,
             shine: narrow(shine.max(0.0)),
             transmittance: narrow(transmittance.clamp(0.0, 1.0)),
             refraction: narrow(refraction),

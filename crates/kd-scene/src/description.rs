@@ -101,8 +101,10 @@ pub struct Material {
     pub ambient: Vec3,
     /// How much light it scatters.
     pub diffuse: Vec3,
-    /// How much it mirrors.
+    /// The colour of highlights, which are what is mirrored of lights.
     pub specular: Vec3,
+    /// How much it mirrors of everything else.
+    pub mirror: Vec3,
     /// Phong's exponent of highlights.
     pub shine: f32,
     /// How much light goes through, from 0 to 1.
@@ -118,6 +120,7 @@ impl Default for Material {
             ambient: Vec3::splat(0.2),
             diffuse: Vec3::splat(0.8),
             specular: Vec3::ZERO,
+            mirror: Vec3::ZERO,
             shine: 0.0,
             transmittance: 0.0,
             refraction: 1.0,

@@ -44,7 +44,7 @@ pub use description::{
 pub use error::LoadError;
 pub use keys::Keys;
 pub use load::{load_mesh, load_scene};
-pub use obj::read_obj;
+pub use obj::{read_obj, read_obj_scene};
 pub use ply::read_ply;
 pub use spd::{SceneSetup, Spd, SpdError};
 pub use toy_room::{toy_room, toy_room_aff};

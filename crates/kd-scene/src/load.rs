@@ -4,10 +4,12 @@ use std::path::Path;
 
 use kd_core::Mesh;
 
-use crate::{AffOptions, LoadError, SceneDescription, load_aff, read_obj, read_ply};
+use crate::{
+    AffOptions, LoadError, SceneDescription, load_aff, read_obj, read_obj_scene, read_ply,
+};
 
-/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], anything else as a mesh with [`load_mesh`], in one light grey
-/// material.
+/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], `.obj` with its materials, anything else as a mesh with
+/// [`load_mesh`], in one light grey material.
 ///
 /// # Errors
 ///
@@ -21,6 +23,9 @@ pub fn load_scene(
     let extension = extension.unwrap_or_default().to_ascii_lowercase();
     if extension == "aff" || extension == "nff" {
         return load_aff(path, options);
+    }
+    if extension == "obj" {
+        return read_obj_scene(path, &mut |path| std::fs::read(path));
     }
     Ok(SceneDescription::of_mesh(load_mesh(path)?))
 }

@@ -1,0 +1,151 @@
+//! OBJ files as scenes: what their triangles look like.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use kd_scene::{LoadError, SceneDescription, Surface, read_obj_scene};
+
+const MATERIALS: &str = "
+newmtl red
+Kd 0.9 0.1 0.1
+Ks 0.5 0.5 0.5
+Ns 30
+illum 2
+newmtl glass
+Kd 0 0 0
+Ks 0.8 0.8 0.8
+d 0.25
+Ni 1.5
+illum 5
+newmtl wood
+Kd 0 0 0
+map_Kd -s 1 1 1 textures\\wood.png
+";
+
+const OBJECT: &str = "
+mtllib looks.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vn 0 0 2
+f 1 2 3
+usemtl red
+f 1//1 2//1 3//1 4//-1
+usemtl wood
+f 1/1 2/2 3/-1
+f 1 2 4
+usemtl glass
+f 1/1/1 2/2/1 3/3/1
+usemtl nothing
+f 2 3 4
+";
+
+fn read(object: &str, materials: &str) -> Result<SceneDescription, LoadError> {
+    let files: HashMap<PathBuf, &str> = [
+        ("a/scene.obj".into(), object),
+        ("a/looks.mtl".into(), materials),
+    ]
+    .into();
+    let mut open = |path: &Path| match files.get(path) {
+        Some(text) => Ok(text.as_bytes().to_vec()),
+        None => Err(io::ErrorKind::NotFound.into()),
+    };
+    read_obj_scene("a/scene.obj".as_ref(), &mut open)
+}
+
+#[test]
+fn triangles_have_their_looks() {
+    let scene = read(OBJECT, MATERIALS).expect("valid");
+    let [part] = scene.parts.as_slice() else {
+        panic!("{:?}", scene.parts);
+    };
+    assert_eq!(part.mesh.len(), 7);
+    let Surface {
+        materials,
+        textures,
+        normals,
+        uvs,
+    } = &part.surface;
+    assert_eq!(*materials, [0, 1, 1, 3, 3, 2, 0], "in file order");
+    let none = Surface::NO_TEXTURE;
+    assert_eq!(*textures, [none, none, none, 0, none, none, none]);
+    assert_eq!(uvs[3], [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], "from above");
+    let up = [Vec3::new(0.0, 0.0, 2.0); 3];
+    let flat = [Vec3::ZERO; 3];
+    assert_eq!(*normals, [flat, up, up, flat, flat, up, flat]);
+    assert_eq!(scene.textures[0].path, Path::new("a/textures/wood.png"));
+    let [_, red, glass, wood] = scene.materials.as_slice() else {
+        panic!("{:?}", scene.materials);
+    };
+    assert_eq!(
+        (red.specular.x, red.mirror, red.shine),
+        (0.5, Vec3::ZERO, 30.0)
+    );
+    assert_eq!(
+        (glass.mirror.x, glass.transmittance, glass.refraction),
+        (0.8, 0.75, 1.5)
+    );
+    assert_eq!(wood.diffuse, Vec3::ONE, "the texture alone");
+    assert_eq!(
+        scene.warnings,
+        ["a/scene.obj: no material `nothing`; light grey is used"]
+    );
+}
+
+#[test]
+fn what_is_missing_is_a_warning() {
+    for (object, materials, expected) in [
+        (
+            "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+            "",
+            "a/none.mtl: ",
+        ),
+        (
+            "mtllib looks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+            "newmtl a\nKd x",
+            "a/looks.mtl: ",
+        ),
+    ] {
+        let scene = read(object, materials).expect("valid");
+        assert!(
+            scene.warnings[0].starts_with(expected),
+            "{:?}",
+            scene.warnings
+        );
+        assert_eq!(scene.parts[0].surface.materials, [0]);
+    }
+}
+
+#[test]
+fn what_is_wrong_is_told_with_its_line() {
+    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+    for (rest, expected) in [
+        (
+            "f 1/2 2/1 3/1",
+            "a/scene.obj: line 5: face 0: index 2 is out of range, there are 1 vertices",
+        ),
+        (
+            "f 1//1 2//1 3//1",
+            "a/scene.obj: line 5: face 0: index 1 is out of range, there are 0 vertices",
+        ),
+        (
+            "f 1/x 2 3",
+            "a/scene.obj: line 5: bad face: `x` is no index",
+        ),
+        ("vn 1 2", "a/scene.obj: line 5: bad numbers: `vn 1 2`"),
+        ("vt nan 0", "a/scene.obj: line 5: bad numbers: `vt nan 0`"),
+        (
+            "f 1 2 9",
+            "a/scene.obj: line 5: face 0: index 9 is out of range, there are 3 vertices",
+        ),
+    ] {
+        let error = read(&format!("{vertices}{rest}"), "").expect_err(rest);
+        assert_eq!(error.to_string(), expected);
+    }
+}
