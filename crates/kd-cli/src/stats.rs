@@ -2,7 +2,7 @@
 
 use clap::Args;
 use kd::KdTree;
-use kd_scene::SceneDescription;
+use kd_scene::{SceneDescription, TextureSource};
 
 use crate::scene::{Builder, SceneArgs};
 
@@ -42,10 +42,7 @@ fn description(scene: &SceneDescription, time: f64) -> String {
         let _ = writeln!(text, "{what:<12} {value}");
     };
     let triangles: usize = scene.parts.iter().map(|part| part.mesh.len()).sum();
-    let moving = scene
-        .parts
-        .iter()
-        .filter(|part| part.node.is_some() || part.morph.is_some());
+    let moving = scene.parts.iter().filter(|part| part.may_move());
     let moving: usize = moving.map(|part| part.mesh.len()).sum();
     line(
         "triangles",
@@ -70,7 +67,7 @@ fn description(scene: &SceneDescription, time: f64) -> String {
     let missing = scene
         .textures
         .iter()
-        .filter(|texture| !texture.path.exists());
+        .filter(|texture| matches!(&texture.source, TextureSource::File(path) if !path.exists()));
     line(
         "textures",
         format!(

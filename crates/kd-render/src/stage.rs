@@ -7,7 +7,7 @@ use kd::{
     Aabb, BuildOptions, CommitError, CommitReport, Mesh, MeshError, PartId, Scene, SceneError,
     Strategy,
 };
-use kd_scene::{Camera, Part, SceneDescription, light_above};
+use kd_scene::{Camera, Part, SceneDescription, TextureSource, light_above};
 use thiserror::Error;
 
 use crate::texture::TextureImage;
@@ -96,11 +96,14 @@ impl Stage {
     ) -> Result<Self, StageError> {
         let mut warnings = description.warnings.clone();
         let textures = description.textures.iter().map(|texture| {
-            let loaded = TextureImage::load(&texture.path, description.colors);
+            let loaded = TextureImage::load(&texture.source, description.colors);
             loaded
                 .map_err(|error| {
-                    let path = texture.path.display();
-                    warnings.push(format!("{path}: {error}; a plain colour is used"));
+                    let name = match &texture.source {
+                        TextureSource::File(path) => path.display().to_string(),
+                        TextureSource::Bytes(_) => texture.name.clone(),
+                    };
+                    warnings.push(format!("{name}: {error}; a plain colour is used"));
                 })
                 .ok()
         });
@@ -148,7 +151,9 @@ impl Stage {
                 .get(place)
                 .is_some_and(|shown| shown.transform == transform);
             let transform = (!is_where_it_was || id.is_none()).then_some(transform);
-            update(&mut self.scene, id, part, is_visible, transform, time)?;
+            let place = is_visible.then_some(transform);
+            let deformed = part.deformed(time, &nodes);
+            update(&mut self.scene, id, part, place, deformed, time)?;
         }
         let report = self.scene.commit();
         let report = report.map_err(|error| StageError::Commit { time, error })?;
@@ -162,11 +167,7 @@ impl Stage {
                     transform,
                     mesh: Arc::clone(mesh),
                     inverse_transpose: inverse_transpose(&transform),
-                    morphed_normals: part
-                        .morph
-                        .as_ref()
-                        .map(|morph| morph.normals_at(time))
-                        .unwrap_or_default(),
+                    morphed_normals: part.deformed_normals(time, &nodes).unwrap_or_default(),
                 }
             })
             .collect();
@@ -242,27 +243,27 @@ impl Stage {
     }
 }
 
-/// Brings a part to where it is, adds it or takes it out. No transform: it has not moved.
+/// Brings a part to where it is, adds it or takes it out. `place`: nothing if it is not seen, and no transform if it has not
+/// moved.
 fn update(
     scene: &mut Scene,
     id: &mut Option<PartId>,
     part: &Part,
-    is_visible: bool,
-    transform: Option<Affine3A>,
+    place: Option<Option<Affine3A>>,
+    deformed: Option<Vec<[f32; 3]>>,
     time: f64,
 ) -> Result<(), StageError> {
     let fail = |error| StageError::Scene {
         part: part.name.clone(),
         error,
     };
-    if !is_visible {
+    let Some(transform) = place else {
         if let Some(id) = id.take() {
             scene.remove(id).map_err(fail)?;
         }
         return Ok(());
-    }
-    let morphed = part.morph.as_ref().map(|morph| {
-        let positions = morph.positions_at(time);
+    };
+    let deformed = deformed.map(|positions| {
         part.mesh
             .with_positions(positions)
             .map_err(|error| StageError::Mesh {
@@ -271,14 +272,14 @@ fn update(
                 error,
             })
     });
-    let morphed = morphed.transpose()?;
+    let deformed = deformed.transpose()?;
     match *id {
         None => {
-            let mesh = morphed.map_or_else(|| Arc::clone(&part.mesh), Arc::new);
-            let added = if part.node.is_none() && part.morph.is_none() {
-                scene.add_static(mesh)
-            } else {
+            let mesh = deformed.map_or_else(|| Arc::clone(&part.mesh), Arc::new);
+            let added = if part.may_move() {
                 scene.add_dynamic(mesh)
+            } else {
+                scene.add_static(mesh)
             };
             let added = added.map_err(fail)?;
             *id = Some(added);
@@ -287,7 +288,7 @@ fn update(
                 .map_err(fail)
         }
         Some(id) => {
-            if let Some(mesh) = morphed {
+            if let Some(mesh) = deformed {
                 scene.set_positions(id, mesh.positions()).map_err(fail)?;
             }
             match transform {

@@ -1,10 +1,8 @@
 //! Pictures on surfaces.
 
-use std::path::Path;
-
 use image::{ImageError, RgbImage};
 use kd::glam::Vec3;
-use kd_scene::ColorSpace;
+use kd_scene::{ColorSpace, TextureSource};
 
 /// A picture, repeated in both directions.
 #[derive(Clone, Debug)]
@@ -19,9 +17,14 @@ pub(crate) struct TextureImage {
 
 impl TextureImage {
     /// Reads PNG, JPEG, or PPM and its kin, whatever the file is called.
-    pub(crate) fn load(path: &Path, colors: ColorSpace) -> Result<Self, ImageError> {
-        let reader = image::ImageReader::open(path)?.with_guessed_format()?;
-        Ok(Self::new(&reader.decode()?.to_rgb8(), colors))
+    pub(crate) fn load(source: &TextureSource, colors: ColorSpace) -> Result<Self, ImageError> {
+        let image = match source {
+            TextureSource::File(path) => image::ImageReader::open(path)?
+                .with_guessed_format()?
+                .decode()?,
+            TextureSource::Bytes(bytes) => image::load_from_memory(bytes)?,
+        };
+        Ok(Self::new(&image.to_rgb8(), colors))
     }
 
     fn new(image: &RgbImage, colors: ColorSpace) -> Self {

@@ -103,11 +103,7 @@ impl BruteForce {
         let parts = stage.description().parts.iter();
         let placed = parts.map(|part| {
             let to = SceneDescription::placed_part(part, &nodes);
-            let morph = part
-                .morph
-                .as_ref()
-                .map(|morph| morph.positions_at(stage.time()));
-            let mesh = match morph {
+            let mesh = match part.deformed(stage.time(), &nodes) {
                 Some(positions) => &part.mesh.with_positions(positions).expect("near"),
                 None => &*part.mesh,
             };

@@ -1,7 +1,6 @@
 //! AFF, the animated scenes of BART, which extend NFF: J. Lext, U. Assarsson, T. Möller, *BART: A Benchmark for Animated Ray
 //! Tracing*, 2000.
 
-mod draft;
 mod geometry;
 mod motion;
 mod polygon;
@@ -10,15 +9,18 @@ mod words;
 use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
+use crate::draft::{Draft, Look, Place};
 use crate::error::quoted;
 use crate::keys::{Keys, turn};
-use crate::tessellate::RESOLUTION;
-use crate::{Camera, Light, LoadError, Material, Node, SceneDescription, Span, Texture};
-use draft::{Draft, Look, Place};
+use crate::tessellate::{RESOLUTION, UnitSphere};
+use crate::{
+    Camera, Light, LoadError, Material, Node, SceneDescription, Span, Texture, TextureSource,
+};
 use words::Words;
 
 /// How AFF and NFF files are read.
@@ -48,6 +50,8 @@ impl Default for AffOptions {
 
 /// Blocks and files within each other, at most: BART's have eight.
 const MOST_LEVELS: usize = 100;
+/// Files that are included, each as often as it is: BART's robots have 835. Files that include others twice could go on for ever.
+const MOST_INCLUDES: usize = 1 << 16;
 
 /// Reads an AFF or NFF file, and all that it includes.
 ///
@@ -98,6 +102,8 @@ pub fn read_aff(
         keys: HashMap::new(),
         moving_lights: Vec::new(),
         path: vec![path.to_owned()],
+        includes: 0,
+        unit_sphere: None,
     };
     let around = Around {
         node: None,
@@ -134,6 +140,10 @@ struct Reader<'a> {
     moving_lights: Vec<(usize, String)>,
     /// The files that are being read, from the outermost.
     path: Vec<PathBuf>,
+    /// How many have been included.
+    includes: usize,
+    /// Made for the first sphere.
+    unit_sphere: Option<Rc<UnitSphere>>,
 }
 
 impl Reader<'_> {
@@ -306,6 +316,10 @@ impl Reader<'_> {
             let problem = format!("`{name}` is included while it is being read");
             return Err(words.error(problem));
         }
+        self.includes += 1;
+        if self.includes > MOST_INCLUDES {
+            return Err(words.error(format!("more than {MOST_INCLUDES} files are included")));
+        }
         let bytes = (self.files)(&path)
             .map_err(|error| words.error(format!("cannot include `{name}`: {error}")))?;
         let file = path.display().to_string();
@@ -382,7 +396,8 @@ impl Reader<'_> {
         let textures = &mut self.scene.textures;
         let number = u32::try_from(textures.len()).expect("each takes more than a byte of a file");
         *self.texture_of.entry(path.clone()).or_insert_with(|| {
-            textures.push(Texture { name, path });
+            let source = TextureSource::File(path);
+            textures.push(Texture { name, source });
             number
         })
     }
@@ -407,7 +422,7 @@ impl Reader<'_> {
 
     /// Refuses more triangles than there may be.
     fn count_triangles(&mut self, words: &Words<'_>, count: usize) -> Result<(), LoadError> {
-        self.triangles += count;
+        self.triangles = self.triangles.saturating_add(count);
         if self.triangles <= self.options.most_triangles {
             return Ok(());
         }

@@ -32,6 +32,8 @@ pub struct SceneDescription {
     pub parts: Vec<Part>,
     /// The key frames of the camera.
     pub camera_keys: Option<Arc<Keys>>,
+    /// The node that the camera is in, along whose negative z axis it looks.
+    pub camera_node: Option<usize>,
     /// When it begins and ends, and in how many frames.
     pub span: Option<Span>,
     /// What the numbers of its colours mean, those of its textures too.
@@ -133,8 +135,17 @@ impl Default for Material {
 pub struct Texture {
     /// What the file calls it.
     pub name: String,
-    /// Where it should be.
-    pub path: PathBuf,
+    /// Where it is.
+    pub source: TextureSource,
+}
+
+/// Where a picture is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TextureSource {
+    /// In a file, which may not be there.
+    File(PathBuf),
+    /// Here, as a file would have it.
+    Bytes(Arc<[u8]>),
 }
 
 /// A transform that moves.
@@ -161,8 +172,28 @@ pub struct Part {
     pub mesh: Arc<Mesh>,
     /// What its triangles look like.
     pub surface: Surface,
-    /// Triangles that change their shape.
-    pub morph: Option<Morph>,
+    /// How it changes its shape, if it does.
+    pub deformation: Option<Deformation>,
+}
+
+/// How a part changes its shape.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Deformation {
+    /// Each triangle goes its own way.
+    Morph(Morph),
+    /// Vertices follow bones.
+    Skin(Skin),
+}
+
+/// Vertices that follow bones, each up to four (glTF 2.0, §3.7.3).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skin {
+    /// Nodes that are bones.
+    pub joints: Vec<usize>,
+    /// For each bone, from the coordinates of the mesh to its own.
+    pub inverse_binds: Vec<DAffine3>,
+    /// For each vertex, numbers among the bones and how much they count.
+    pub influences: Vec<[(u16, f32); 4]>,
 }
 
 /// What triangles look like, one entry for each.
@@ -244,7 +275,7 @@ impl SceneDescription {
                     ..Surface::default()
                 },
                 mesh,
-                morph: None,
+                deformation: None,
             }],
             ..Self::default()
         }
@@ -316,13 +347,15 @@ impl SceneDescription {
     /// The camera at a time, if the scene has one.
     pub fn camera_at(&self, time: f64) -> Option<Camera> {
         let still = self.camera?;
-        let Some(keys) = &self.camera_keys else {
-            return Some(still);
+        let placed = match (&self.camera_keys, self.camera_node) {
+            (Some(keys), _) => keys.transform(time),
+            (None, Some(node)) => self.placed_nodes(time)[node],
+            (None, None) => return Some(still),
         };
         let DAffine3 {
             matrix3,
             translation,
-        } = keys.transform(time);
+        } = placed;
         let DMat3 { y_axis, z_axis, .. } = matrix3;
         Some(Camera {
             eye: translation.as_vec3(),
@@ -341,17 +374,83 @@ impl SceneDescription {
         let nodes = self.placed_nodes(time);
         let meshes = self.parts.iter().map(|part| {
             let to = Self::placed_part(part, &nodes);
-            match &part.morph {
-                Some(morph) => part
-                    .mesh
-                    .with_positions(morph.positions_at(time))?
-                    .transformed(&to),
+            match part.deformed(time, &nodes) {
+                Some(positions) => part.mesh.with_positions(positions)?.transformed(&to),
                 None => part.mesh.transformed(&to),
             }
         });
         let meshes = meshes.collect::<Result<Vec<Mesh>, _>>()?;
         Mesh::concatenated(&meshes)
     }
+}
+
+impl Part {
+    /// Whether it is ever anywhere else, or of another shape.
+    pub fn may_move(&self) -> bool {
+        self.node.is_some() || self.deformation.is_some()
+    }
+
+    /// Where its vertices are at a time, before its node moves them, if it changes its shape; given
+    /// [where nodes are](SceneDescription::placed_nodes).
+    pub fn deformed(&self, time: f64, nodes: &[DAffine3]) -> Option<Vec<[f32; 3]>> {
+        Some(match self.deformation.as_ref()? {
+            Deformation::Morph(morph) => morph.positions_at(time),
+            Deformation::Skin(skin) => {
+                let bones = skin.placed_bones(nodes);
+                let moved = self.mesh.positions().iter().zip(&skin.influences);
+                let moved = moved.map(|(position, influences)| {
+                    let position = Vec3::from(*position).as_dvec3();
+                    let at = blended(influences, |bone| bones[bone].transform_point3(position));
+                    at.unwrap_or(position).as_vec3().to_array()
+                });
+                moved.collect()
+            }
+        })
+    }
+
+    /// The normals at the corners of its triangles then.
+    pub fn deformed_normals(&self, time: f64, nodes: &[DAffine3]) -> Option<Vec<[Vec3; 3]>> {
+        Some(match self.deformation.as_ref()? {
+            Deformation::Morph(morph) => morph.normals_at(time),
+            Deformation::Skin(skin) => {
+                let bones = skin.placed_bones(nodes);
+                let triangles = self.mesh.triangles().iter().zip(&self.surface.normals);
+                let moved = triangles.map(|(corners, normals)| {
+                    std::array::from_fn(|i| {
+                        let influences = &skin.influences[corners[i] as usize];
+                        let normal = normals[i].as_dvec3();
+                        let moved =
+                            blended(influences, |bone| bones[bone].transform_vector3(normal));
+                        moved.unwrap_or(normal).as_vec3()
+                    })
+                });
+                moved.collect()
+            }
+        })
+    }
+}
+
+impl Skin {
+    /// For each bone, from the coordinates of the mesh to those of the scene.
+    fn placed_bones(&self, nodes: &[DAffine3]) -> Vec<DAffine3> {
+        let bones = self.joints.iter().zip(&self.inverse_binds);
+        bones
+            .map(|(joint, inverse_bind)| nodes[*joint] * *inverse_bind)
+            .collect()
+    }
+}
+
+/// What bones make of something together; nothing if none counts.
+fn blended(influences: &[(u16, f32); 4], by: impl Fn(usize) -> DVec3) -> Option<DVec3> {
+    let weight: f64 = influences
+        .iter()
+        .map(|(_, weight)| f64::from(*weight))
+        .sum();
+    let counting = influences.iter().filter(|(_, weight)| *weight > 0.0);
+    let sum: DVec3 = counting
+        .map(|(bone, weight)| f64::from(*weight) * by(usize::from(*bone)))
+        .sum();
+    (weight > 0.0).then(|| sum / weight)
 }
 
 impl Light {

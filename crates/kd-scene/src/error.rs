@@ -28,8 +28,8 @@ pub enum LoadError {
         /// What the system said.
         source: io::Error,
     },
-    /// The format is known, but no reader for it exists yet.
-    #[error("{file}: {format} files are not supported yet")]
+    /// The file is a scene, and not read as a mesh: [`load_scene`](crate::load_scene) does it.
+    #[error("{file}: {format} files are scenes, not meshes")]
     UnsupportedFormat {
         /// Name of the file.
         file: String,

@@ -3,18 +3,49 @@
 //! As in BART (J. Lext, U. Assarsson, T. Möller, *BART: A Benchmark for Animated Ray Tracing*, 2000): positions and sizes go
 //! along splines of Kochanek and Bartels (*Interpolating Splines with Local Tension, Continuity, and Bias Control*, 1984),
 //! rotations along such splines of quaternions. The first and the last key only give the others their direction: what moves
-//! does so between the second and the last but one, and is at rest outside.
+//! does so between the second and the last but one, and is at rest outside. Those of glTF are in [`sampled`].
+
+pub(crate) mod sampled;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
+
+use sampled::Sampled;
 
 /// How something moves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Keys {
-    pub(crate) translation: Option<Track<DVec3>>,
-    pub(crate) scale: Option<Track<DVec3>>,
-    pub(crate) rotation: Option<Track<Quaternion>>,
+    pub(crate) translation: Option<Curve<DVec3, DVec3>>,
+    pub(crate) scale: Option<Curve<DVec3, DVec3>>,
+    pub(crate) rotation: Option<Curve<Quaternion, DQuat>>,
     /// From which times on it is seen, or not.
     pub(crate) visibility: Vec<(f64, bool)>,
+}
+
+/// How something goes from key to key.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Curve<B, G> {
+    /// As in BART.
+    Spline(Track<B>),
+    /// As in glTF.
+    Sampled(Sampled<G>),
+}
+
+impl Curve<DVec3, DVec3> {
+    fn at(&self, time: f64) -> DVec3 {
+        match self {
+            Self::Spline(track) => track.at(time),
+            Self::Sampled(samples) => samples.at(time),
+        }
+    }
+}
+
+impl Curve<Quaternion, DQuat> {
+    fn at(&self, time: f64) -> DMat3 {
+        match self {
+            Self::Spline(track) => track.at(time).to_matrix(),
+            Self::Sampled(samples) => DMat3::from_quat(samples.at(time)),
+        }
+    }
 }
 
 /// At least four keys, in the order of their times.
@@ -44,9 +75,9 @@ impl Keys {
     /// Where it is, turned and sized, at a time.
     pub fn transform(&self, time: f64) -> DAffine3 {
         let rotation = self.rotation.as_ref();
-        let rotation = rotation.map_or(DMat3::IDENTITY, |track| track.at(time).to_matrix());
+        let rotation = rotation.map_or(DMat3::IDENTITY, |curve| curve.at(time));
         let scale = self.scale.as_ref();
-        let scale = scale.map_or(DVec3::ONE, |track| track.at(time));
+        let scale = scale.map_or(DVec3::ONE, |curve| curve.at(time));
         DAffine3 {
             matrix3: rotation * DMat3::from_diagonal(scale),
             translation: self.translation(time),
@@ -55,8 +86,8 @@ impl Keys {
 
     /// Where it is at a time, without the rest.
     pub fn translation(&self, time: f64) -> DVec3 {
-        let track = self.translation.as_ref();
-        track.map_or(DVec3::ZERO, |track| track.at(time))
+        let curve = self.translation.as_ref();
+        curve.map_or(DVec3::ZERO, |curve| curve.at(time))
     }
 
     /// Whether it is seen at a time: until the first key that says otherwise.
@@ -353,7 +384,7 @@ mod tests {
         }));
         for time in [1.0, 1.3, 2.0, 2.9, 3.0] {
             let keys = Keys {
-                rotation: Some(turns.clone()),
+                rotation: Some(Curve::Spline(turns.clone())),
                 ..Keys::default()
             };
             let turned = keys.transform(time).transform_vector3(DVec3::X);
@@ -374,7 +405,7 @@ mod tests {
                 .map(|(degrees, i)| (f64::from(i), Quaternion::about(DVec3::Z, degrees))),
         );
         let keys = Keys {
-            rotation: Some(turns),
+            rotation: Some(Curve::Spline(turns)),
             ..Keys::default()
         };
         let turned = keys.transform(1.5).transform_vector3(DVec3::X);
@@ -384,15 +415,15 @@ mod tests {
     #[test]
     fn sizes_come_before_turns() {
         let keys = Keys {
-            translation: Some(track(
+            translation: Some(Curve::Spline(track(
                 (0..4).map(|i| (f64::from(i), DVec3::new(5.0, 0.0, 0.0))),
-            )),
-            scale: Some(track(
+            ))),
+            scale: Some(Curve::Spline(track(
                 (0..4).map(|i| (f64::from(i), DVec3::new(2.0, 1.0, 1.0))),
-            )),
-            rotation: Some(track(
+            ))),
+            rotation: Some(Curve::Spline(track(
                 (0..4).map(|i| (f64::from(i), Quaternion::about(DVec3::Z, 90.0))),
-            )),
+            ))),
             visibility: vec![(1.0, false), (2.0, true)],
         };
         let moved = keys.transform(1.5).transform_point3(DVec3::X);

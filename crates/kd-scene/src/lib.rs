@@ -26,7 +26,9 @@
 mod aff;
 mod camera;
 mod description;
+mod draft;
 mod error;
+mod gltf;
 mod keys;
 mod load;
 mod obj;
@@ -38,10 +40,11 @@ mod toy_room;
 pub use aff::{AffOptions, load_aff, read_aff};
 pub use camera::{Camera, View, light_above};
 pub use description::{
-    ColorSpace, Light, Material, Morph, MorphKey, Node, Part, SceneDescription, Span, Surface,
-    Texture,
+    ColorSpace, Deformation, Light, Material, Morph, MorphKey, Node, Part, SceneDescription, Skin,
+    Span, Surface, Texture, TextureSource,
 };
 pub use error::LoadError;
+pub use gltf::read_gltf;
 pub use keys::Keys;
 pub use load::{load_mesh, load_scene};
 pub use obj::{read_obj, read_obj_scene};

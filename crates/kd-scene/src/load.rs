@@ -5,10 +5,12 @@ use std::path::Path;
 use kd_core::Mesh;
 
 use crate::{
-    AffOptions, LoadError, SceneDescription, load_aff, read_obj, read_obj_scene, read_ply,
+    AffOptions, LoadError, SceneDescription, load_aff, read_gltf, read_obj, read_obj_scene,
+    read_ply,
 };
 
-/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], `.obj` with its materials, anything else as a mesh with
+/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], `.gltf` and `.glb` with
+/// [`read_gltf`], `.obj` with its materials, anything else as a mesh with
 /// [`load_mesh`], in one light grey material.
 ///
 /// # Errors
@@ -23,6 +25,9 @@ pub fn load_scene(
     let extension = extension.unwrap_or_default().to_ascii_lowercase();
     if extension == "aff" || extension == "nff" {
         return load_aff(path, options);
+    }
+    if extension == "gltf" || extension == "glb" {
+        return read_gltf(path, &mut |path| std::fs::read(path));
     }
     if extension == "obj" {
         return read_obj_scene(path, &mut |path| std::fs::read(path));
@@ -40,8 +45,8 @@ pub fn load_scene(
 /// only claims.
 ///
 /// # Errors
-/// [`LoadError`] names the file and the line or element. `.gltf` and `.glb` are known but not read
-/// yet, and `.aff` and `.nff` are scenes, for [`load_scene`]: [`LoadError::UnsupportedFormat`].
+/// [`LoadError`] names the file and the line or element. `.gltf`, `.glb`, `.aff` and `.nff`
+/// are scenes, for [`load_scene`]: [`LoadError::UnsupportedFormat`].
 ///
 /// ```no_run
 /// let mesh = kd_scene::load_mesh("bunny.ply")?;
@@ -77,8 +82,8 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<Mesh, LoadError> {
         "ply" => read_ply(&bytes, &file),
         "gltf" => unsupported("glTF"),
         "glb" => unsupported("binary glTF"),
-        "aff" => unsupported("as meshes, AFF"),
-        "nff" => unsupported("as meshes, NFF"),
+        "aff" => unsupported("AFF"),
+        "nff" => unsupported("NFF"),
         _ => Err(LoadError::UnknownFormat { file }),
     }
 }

@@ -43,7 +43,7 @@ macro_rules! add {
 /// [`LoadError`] if the size asks for too many triangles.
 pub fn toy_room(size: u32) -> Result<SceneDescription, LoadError> {
     let options = AffOptions {
-        resolution: size.max(1).saturating_mul(2).min(1 << 12),
+        resolution: size.max(1).saturating_mul(2),
         ..AffOptions::default()
     };
     let mut only = |_: &Path| Ok(toy_room_aff().into_bytes());

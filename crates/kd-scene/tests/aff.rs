@@ -132,8 +132,10 @@ fn every_command_is_read() {
     assert!((at - Vec3::new(10.0, 5.0, 0.0)).length() < 1e-5, "{at}");
     let seen = [1.5, 2.5, 3.5].map(|time| scene.is_visible(&scene.parts[2], time));
     assert_eq!(seen, [true, false, true], "the wheel goes with the car");
-    let morph = morphing.morph.as_ref().expect("it changes its shape");
-    assert_eq!(morph.positions_at(2.0)[0], [1.0, 0.0, 0.0], "half way");
+    let positions = morphing
+        .deformed(2.0, &nodes)
+        .expect("it changes its shape");
+    assert_eq!(positions[0], [1.0, 0.0, 0.0], "half way");
     assert_eq!(
         scene.mesh_at(1.5).expect("finite").len(),
         still.mesh.len() + 3
@@ -288,6 +290,27 @@ fn what_is_wrong_is_told_with_file_and_line() {
     assert_eq!(
         error,
         "deep.aff: line 1: more than 100 blocks and files within each other"
+    );
+}
+
+#[test]
+fn files_cannot_include_others_for_ever() {
+    let names: Vec<String> = (0..40).map(|i| format!("{i}.aff")).collect();
+    let texts: Vec<String> = (1..41)
+        .map(|i| format!("i 0 {i}.aff i 0 {i}.aff"))
+        .collect();
+    let mut files: Vec<(&str, &str)> = names
+        .iter()
+        .zip(&texts)
+        .map(|(a, b)| (&**a, &**b))
+        .collect();
+    files.push(("40.aff", ""));
+    let error = read(&files, &AffOptions::default()).expect_err("2^40 files");
+    assert!(
+        error
+            .to_string()
+            .ends_with("more than 65536 files are included"),
+        "{error}"
     );
 }
 

@@ -50,15 +50,15 @@ fn content_decides_then_the_extension() {
         assert_eq!(mesh.triangles(), [[0, 1, 2]], "{name}");
     }
     let rows = [
-        ("a.gltf", "{}", "glTF files are not supported yet"),
-        ("a.glb", "", "binary glTF files are not supported yet"),
+        ("a.gltf", "{}", "glTF files are scenes, not meshes"),
+        ("a.glb", "", "binary glTF files are scenes, not meshes"),
         (
             "b.bin",
             "glTF\u{2}",
-            "binary glTF files are not supported yet",
+            "binary glTF files are scenes, not meshes",
         ),
-        ("a.aff", "", "AFF files are not supported yet"),
-        ("a.nff", "", "NFF files are not supported yet"),
+        ("a.aff", "", "AFF files are scenes, not meshes"),
+        ("a.nff", "", "NFF files are scenes, not meshes"),
         ("a.stl", "solid", "unknown format, expected .obj or .ply"),
         ("none", OBJ, "unknown format, expected .obj or .ply"),
         ("b.ply", OBJ, "line 1: bad header line: `v 0 0 0`"),

@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
-use kd_scene::{LoadError, SceneDescription, Surface, read_obj_scene};
+use kd_scene::{LoadError, SceneDescription, Surface, TextureSource, read_obj_scene};
 
 const MATERIALS: &str = "
 newmtl red
@@ -79,7 +79,8 @@ fn triangles_have_their_looks() {
     let up = [Vec3::new(0.0, 0.0, 2.0); 3];
     let flat = [Vec3::ZERO; 3];
     assert_eq!(*normals, [flat, up, up, flat, flat, up, flat]);
-    assert_eq!(scene.textures[0].path, Path::new("a/textures/wood.png"));
+    let wood = TextureSource::File("a/textures/wood.png".into());
+    assert_eq!(scene.textures[0].source, wood);
     let [_, red, glass, wood] = scene.materials.as_slice() else {
         panic!("{:?}", scene.materials);
     };

@@ -1,11 +1,13 @@
 //! Everything that has triangles.
 
+use std::rc::Rc;
+
 use glam::{DVec3, Vec3};
 
-use super::draft::{Draft, Place};
 use super::polygon;
 use super::words::Words;
 use super::{Around, Reader, narrow, place, vector};
+use crate::draft::{Draft, Look, Place};
 use crate::tessellate::{UnitSphere, around as directions_around};
 use crate::{LoadError, MorphKey, Surface};
 
@@ -18,8 +20,13 @@ impl Reader<'_> {
     ) -> Result<(), LoadError> {
         let center = vector(words, "the centre of a sphere")?;
         let radius = words.number("the radius of a sphere")?;
-        let unit = UnitSphere::new(self.options.resolution.max(1));
-        self.count_triangles(words, unit.triangles.len())?;
+        let resolution = self.options.resolution.max(1);
+        let cells = (resolution as usize).saturating_mul(resolution as usize);
+        self.count_triangles(words, cells.saturating_mul(12))?;
+        let unit = Rc::clone(
+            self.unit_sphere
+                .get_or_insert_with(|| Rc::new(UnitSphere::new(resolution))),
+        );
         let look = self.look(Surface::NO_TEXTURE);
         let place = place(around);
         let draft = self.draft(around, false);
@@ -47,7 +54,7 @@ impl Reader<'_> {
             return Err(words.error("both ends of a cone are at the same place"));
         }
         let resolution = self.options.resolution.max(1);
-        self.count_triangles(words, 8 * resolution as usize)?;
+        self.count_triangles(words, (resolution as usize).saturating_mul(8))?;
         let look = self.look(Surface::NO_TEXTURE);
         let place = place(around);
         let draft = self.draft(around, false);
@@ -295,7 +302,7 @@ fn add(
 }
 
 /// A triangle of vertices with normals, turned round if it is seen from the other side.
-fn add_smooth(draft: &mut Draft, corners: [(u32, Vec3); 3], is_turned: bool, look: super::Look) {
+fn add_smooth(draft: &mut Draft, corners: [(u32, Vec3); 3], is_turned: bool, look: Look) {
     let [a, b, c] = corners;
     let corners = if is_turned { [a, c, b] } else { [a, b, c] };
     draft.triangle(corners.map(|(vertex, _)| vertex), look);

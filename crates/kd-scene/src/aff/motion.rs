@@ -8,7 +8,7 @@ use super::Reader;
 use super::words::Words;
 use crate::LoadError;
 use crate::error::quoted;
-use crate::keys::{Key, Keys, Quaternion, Track};
+use crate::keys::{Curve, Key, Keys, Quaternion, Track};
 
 impl Reader<'_> {
     /// `k`: the tracks of everything that has this name. A later one of the same name takes the place of an earlier one.
@@ -19,9 +19,11 @@ impl Reader<'_> {
         loop {
             match words.word("a track or `}`")? {
                 b"}" => break,
-                b"transl" => keys.translation = Some(track(words, "transl", vector)?),
-                b"scale" => keys.scale = Some(track(words, "scale", vector)?),
-                b"rot" => keys.rotation = Some(track(words, "rot", rotation)?),
+                b"transl" => {
+                    keys.translation = Some(Curve::Spline(track(words, "transl", vector)?));
+                }
+                b"scale" => keys.scale = Some(Curve::Spline(track(words, "scale", vector)?)),
+                b"rot" => keys.rotation = Some(Curve::Spline(track(words, "rot", rotation)?)),
                 b"visibility" => keys.visibility = visibility(words)?,
                 other => {
                     let problem = format!("{} is not a track", quoted(other));

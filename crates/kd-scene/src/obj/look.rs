@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use super::{Statements, words};
 use crate::error::quoted;
-use crate::{LoadError, Material, Surface, Texture};
+use crate::{LoadError, Material, Surface, Texture, TextureSource};
 
 /// What is read beside the geometry.
 #[derive(Debug, Default)]
@@ -269,11 +269,11 @@ impl Reader<'_> {
             .next()
             .unwrap_or(name)
             .replace('\\', "/");
-        let path = self.folder.join(&name);
+        let source = TextureSource::File(self.folder.join(&name));
         let textures = &mut self.looks.textures;
-        let known = textures.iter().position(|texture| texture.path == path);
+        let known = textures.iter().position(|texture| texture.source == source);
         let number = known.unwrap_or_else(|| {
-            textures.push(Texture { name, path });
+            textures.push(Texture { name, source });
             textures.len() - 1
         });
         u32::try_from(number).expect("each takes bytes of a file")

@@ -1,15 +1,15 @@
-//! The triangles of a part while a file is read.
+//! The triangles of a part while a scene is read.
 
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use kd_core::{Mesh, MeshError};
 
-use crate::{Morph, MorphKey, Part, Surface};
+use crate::{Deformation, Morph, MorphKey, Part, Surface};
 
 /// Triangles that move together, with what they look like.
 #[derive(Debug)]
-pub(super) struct Draft {
+pub(crate) struct Draft {
     name: String,
     node: Option<usize>,
     positions: Vec<[f32; 3]>,
@@ -20,21 +20,21 @@ pub(super) struct Draft {
 
 /// What a triangle looks like.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
-    pub(super) material: u32,
-    pub(super) texture: u32,
+pub(crate) struct Look {
+    pub(crate) material: u32,
+    pub(crate) texture: u32,
 }
 
 /// From the coordinates of a block to those of the node it is in.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(crate) struct Place {
     to_node: DAffine3,
     /// For normals.
     inverse_transpose: DMat3,
 }
 
 impl Place {
-    pub(super) fn new(to_node: DAffine3) -> Self {
+    pub(crate) fn new(to_node: DAffine3) -> Self {
         let determinant = to_node.matrix3.determinant();
         // What is flattened has normals in the file that mean nothing any more.
         let inverse_transpose = if determinant == 0.0 {
@@ -48,11 +48,11 @@ impl Place {
         }
     }
 
-    pub(super) fn position(&self, at: DVec3) -> DVec3 {
+    pub(crate) fn position(&self, at: DVec3) -> DVec3 {
         self.to_node.transform_point3(at)
     }
 
-    pub(super) fn normal(&self, normal: DVec3) -> Vec3 {
+    pub(crate) fn normal(&self, normal: DVec3) -> Vec3 {
         (self.inverse_transpose * normal)
             .normalize_or_zero()
             .as_vec3()
@@ -60,7 +60,7 @@ impl Place {
 }
 
 impl Draft {
-    pub(super) fn new(name: String, node: Option<usize>, morphs: bool) -> Self {
+    pub(crate) fn new(name: String, node: Option<usize>, morphs: bool) -> Self {
         Self {
             name,
             node,
@@ -72,7 +72,7 @@ impl Draft {
     }
 
     /// Adds a vertex, in the coordinates of the node; `None` where they do not fit f32.
-    pub(super) fn vertex(&mut self, at: DVec3) -> Option<u32> {
+    pub(crate) fn vertex(&mut self, at: DVec3) -> Option<u32> {
         let at = at.as_vec3();
         let number = u32::try_from(self.positions.len()).ok()?;
         self.positions.push(at.to_array());
@@ -80,7 +80,7 @@ impl Draft {
     }
 
     /// Adds a triangle of vertices that are there, flat and without a texture.
-    pub(super) fn triangle(&mut self, corners: [u32; 3], look: Look) {
+    pub(crate) fn triangle(&mut self, corners: [u32; 3], look: Look) {
         self.triangles.push(corners);
         self.surface.materials.push(look.material);
         if look.texture != Surface::NO_TEXTURE || !self.surface.textures.is_empty() {
@@ -91,26 +91,26 @@ impl Draft {
     }
 
     /// Gives the triangle that was added last normals at its corners.
-    pub(super) fn set_normals(&mut self, normals: [Vec3; 3]) {
+    pub(crate) fn set_normals(&mut self, normals: [Vec3; 3]) {
         let others = self.triangles.len() - 1;
         self.surface.normals.resize(others, [Vec3::ZERO; 3]);
         self.surface.normals.push(normals);
     }
 
     /// Gives the triangle that was added last places in its texture.
-    pub(super) fn set_uvs(&mut self, uvs: [[f32; 2]; 3]) {
+    pub(crate) fn set_uvs(&mut self, uvs: [[f32; 2]; 3]) {
         let others = self.triangles.len() - 1;
         self.surface.uvs.resize(others, [[0.0; 2]; 3]);
         self.surface.uvs.push(uvs);
     }
 
     /// Gives the triangle that was added last its keys.
-    pub(super) fn set_keys(&mut self, keys: Vec<MorphKey>) {
+    pub(crate) fn set_keys(&mut self, keys: Vec<MorphKey>) {
         let morph = self.morph.get_or_insert_default();
         morph.keys.push(keys);
     }
 
-    pub(super) fn finish(mut self) -> Result<Part, MeshError> {
+    pub(crate) fn finish(mut self) -> Result<Part, MeshError> {
         let triangles = self.triangles.len();
         let surface = &mut self.surface;
         if !surface.textures.is_empty() {
@@ -127,7 +127,7 @@ impl Draft {
             node: self.node,
             mesh: Arc::new(Mesh::new(self.positions, self.triangles)?),
             surface: self.surface,
-            morph: self.morph,
+            deformation: self.morph.map(Deformation::Morph),
         })
     }
 }

@@ -1,0 +1,139 @@
+//! The bytes that a glTF file refers to.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use gltf::buffer::Source;
+
+use crate::{LoadError, Texture, TextureSource};
+
+/// All buffers, in their order.
+#[derive(Debug)]
+pub(super) struct Buffers(Vec<Vec<u8>>);
+
+impl Buffers {
+    pub(super) fn read(
+        document: &gltf::Document,
+        mut blob: Option<Vec<u8>>,
+        path: &Path,
+        files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
+    ) -> Result<Self, LoadError> {
+        let file = || path.display().to_string();
+        let bad = |index: usize, problem: String| LoadError::BadElement {
+            file: file(),
+            element: "buffer".to_owned(),
+            index,
+            problem,
+        };
+        let mut all = Vec::new();
+        for buffer in document.buffers() {
+            let index = buffer.index();
+            let bytes = match buffer.source() {
+                Source::Bin => blob
+                    .take()
+                    .ok_or_else(|| bad(index, "there is none in the file".into()))?,
+                Source::Uri(uri) => match inline(uri) {
+                    Some(bytes) => bytes.ok_or_else(|| bad(index, "it is not base64".into()))?,
+                    None => files(&beside(path, uri))
+                        .map_err(|error| bad(index, format!("`{uri}`: {error}")))?,
+                },
+            };
+            if bytes.len() < buffer.length() {
+                return Err(LoadError::Truncated {
+                    file: file(),
+                    element: "byte of a buffer".to_owned(),
+                    index: bytes.len(),
+                    count: buffer.length(),
+                });
+            }
+            all.push(bytes);
+        }
+        Ok(Self(all))
+    }
+
+    pub(super) fn get(&self, index: usize) -> Option<&[u8]> {
+        self.0.get(index).map(Vec::as_slice)
+    }
+
+    /// A picture, as far as it can be told where it is.
+    pub(super) fn texture(&self, image: &gltf::Image<'_>, file: &str) -> Texture {
+        let path = Path::new(file);
+        let number = format!("image {}", image.index());
+        let source = match image.source() {
+            gltf::image::Source::View { view, .. } => {
+                let end = view.offset().saturating_add(view.length());
+                let bytes = self.get(view.buffer().index());
+                let bytes = bytes.and_then(|bytes| bytes.get(view.offset()..end));
+                TextureSource::Bytes(Arc::from(bytes.unwrap_or_default()))
+            }
+            gltf::image::Source::Uri { uri, .. } => match inline(uri) {
+                Some(bytes) => TextureSource::Bytes(Arc::from(bytes.unwrap_or_default())),
+                None => TextureSource::File(beside(path, uri)),
+            },
+        };
+        Texture {
+            name: image.name().map_or(number, str::to_owned),
+            source,
+        }
+    }
+}
+
+/// The bytes in a `data:` URI; `None` if it is none, `Some(None)` if they are not as they should be.
+fn inline(uri: &str) -> Option<Option<Vec<u8>>> {
+    let data = uri.strip_prefix("data:")?;
+    let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
+    Some(encoded.and_then(|encoded| STANDARD.decode(encoded).ok()))
+}
+
+/// A file that is named by another.
+fn beside(path: &Path, uri: &str) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(decoded(uri))
+}
+
+/// Names in glTF are URIs, in which what is not plain is written as two digits.
+fn decoded(uri: &str) -> String {
+    let digit = |byte: &u8| {
+        char::from(*byte)
+            .to_digit(16)
+            .and_then(|digit| u8::try_from(digit).ok())
+    };
+    let mut name = Vec::new();
+    let mut rest = uri.as_bytes();
+    while let [first, after @ ..] = rest {
+        let number = match after {
+            [high, low, ..] if *first == b'%' => digit(high).zip(digit(low)),
+            _ => None,
+        };
+        name.push(number.map_or(*first, |(high, low)| 16 * high + low));
+        rest = if number.is_some() { &after[2..] } else { after };
+    }
+    String::from_utf8_lossy(&name).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_decoded() {
+        for (uri, name) in [
+            ("a%20b.bin", "a b.bin"),
+            ("100%", "100%"),
+            ("%zz%4", "%zz%4"),
+            ("%c3%b6", "ö"),
+        ] {
+            assert_eq!(decoded(uri), name);
+        }
+    }
+
+    #[test]
+    fn bytes_may_be_in_the_file() {
+        assert_eq!(inline("a.bin"), None);
+        assert_eq!(inline("data:;base64,AQID"), Some(Some(vec![1, 2, 3])));
+        assert_eq!(inline("data:text/plain,abc"), Some(None));
+        assert_eq!(inline("data:;base64,?"), Some(None));
+    }
+}

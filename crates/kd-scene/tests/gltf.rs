@@ -1,0 +1,319 @@
+//! glTF files: nodes that move, skins, materials, and what may be wrong with them.
+
+use std::io;
+use std::path::Path;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use glam::Vec3;
+use kd_scene::{ColorSpace, LoadError, SceneDescription, Surface, TextureSource, read_gltf};
+use serde_json::{Value, json};
+
+/// A file in the making: its buffer, and what lies where in it.
+#[derive(Default)]
+struct File {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+impl File {
+    fn add(
+        &mut self,
+        bytes: &[u8],
+        component: u32,
+        kind: &str,
+        count: usize,
+        bounds: Option<[Vec<f32>; 2]>,
+    ) -> usize {
+        while !self.bytes.len().is_multiple_of(4) {
+            self.bytes.push(0);
+        }
+        self.views.push(
+            json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() }),
+        );
+        self.bytes.extend_from_slice(bytes);
+        let mut accessor = json!({
+            "bufferView": self.views.len() - 1, "componentType": component, "type": kind, "count": count,
+        });
+        if let Some([min, max]) = bounds {
+            accessor["min"] = json!(min);
+            accessor["max"] = json!(max);
+        }
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// Numbers, so many to each value.
+    fn floats(&mut self, kind: &str, width: usize, numbers: &[f32]) -> usize {
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let of = |pick: fn(f32, f32) -> f32| -> Vec<f32> {
+            let values = (0..width).map(|i| numbers.iter().skip(i).step_by(width).copied());
+            values
+                .map(|values| values.reduce(pick).expect("some"))
+                .collect()
+        };
+        let bounds = Some([of(f32::min), of(f32::max)]);
+        self.add(&bytes, 5126, kind, numbers.len() / width, bounds)
+    }
+
+    fn indices(&mut self, indices: &[u16]) -> usize {
+        let bytes: Vec<u8> = indices.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.add(&bytes, 5123, "SCALAR", indices.len(), None)
+    }
+
+    /// The whole of it, with what is told beside.
+    fn finish(self, mut rest: Value) -> Value {
+        let uri = format!(
+            "data:application/octet-stream;base64,{}",
+            STANDARD.encode(&self.bytes)
+        );
+        rest["asset"] = json!({ "version": "2.0" });
+        rest["buffers"] = json!([{ "byteLength": self.bytes.len(), "uri": uri }]);
+        rest["bufferViews"] = json!(self.views);
+        rest["accessors"] = json!(self.accessors);
+        rest
+    }
+}
+
+fn read(file: &Value) -> Result<SceneDescription, LoadError> {
+    read_bytes(file.to_string().into_bytes())
+}
+
+fn read_bytes(bytes: Vec<u8>) -> Result<SceneDescription, LoadError> {
+    let mut open = |path: &Path| match path.to_str() {
+        Some("a/scene.gltf") => Ok(bytes.clone()),
+        _ => Err(io::ErrorKind::NotFound.into()),
+    };
+    read_gltf("a/scene.gltf".as_ref(), &mut open)
+}
+
+const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A square that stands still, with a texture, and a triangle on an arm that turns.
+fn moving() -> Value {
+    let mut file = File::default();
+    let square = file.floats(
+        "VEC3",
+        3,
+        &[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 2.0, 2.0, 0.0, 0.0, 2.0, 0.0],
+    );
+    let corners = file.indices(&[0, 1, 2, 0, 2, 3]);
+    let uvs = file.floats("VEC2", 2, &[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let triangle = file.floats("VEC3", 3, &TRIANGLE);
+    let normals = file.floats("VEC3", 3, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let times = file.floats("SCALAR", 1, &[0.0, 2.0]);
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let turns = file.floats("VEC4", 4, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half]);
+    file.finish(json!({
+        "scene": 0,
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [
+            { "mesh": 0, "translation": [0.0, 0.0, -1.0] },
+            { "name": "arm", "translation": [5.0, 0.0, 0.0], "children": [2, 3] },
+            { "name": "hand", "mesh": 1, "translation": [1.0, 0.0, 0.0] },
+            { "name": "eye", "camera": 0, "translation": [0.0, 0.0, 7.0] },
+        ],
+        "meshes": [
+            { "primitives": [{ "attributes": { "POSITION": square, "TEXCOORD_0": uvs }, "indices": corners, "material": 0 }] },
+            { "primitives": [{ "attributes": { "POSITION": triangle, "NORMAL": normals } }] },
+        ],
+        "materials": [{ "pbrMetallicRoughness": {
+            "baseColorFactor": [0.5, 0.25, 1.0, 1.0], "baseColorTexture": { "index": 0 }, "metallicFactor": 0.0,
+        } }],
+        "textures": [{ "source": 0 }],
+        "images": [{ "uri": "wood%20.png" }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }],
+        "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 1, "path": "rotation" } }],
+            "samplers": [{ "input": times, "output": turns }],
+        }],
+    }))
+}
+
+#[test]
+fn what_stands_still_is_one_part_and_what_moves_another() {
+    let scene = read(&moving()).expect("valid");
+    assert_eq!(scene.colors, ColorSpace::Linear);
+    let names: Vec<_> = scene
+        .parts
+        .iter()
+        .map(|part| (part.name.as_str(), part.mesh.len()))
+        .collect();
+    assert_eq!(names, [("", 2), ("arm", 1)]);
+    let [still, arm] = scene.parts.as_slice() else {
+        unreachable!("two, as above");
+    };
+    assert_eq!(
+        still.mesh.corners(1)[1],
+        Vec3::new(2.0, 2.0, -1.0),
+        "moved by its node"
+    );
+    assert_eq!(still.surface.textures, [0, 0]);
+    assert_eq!(still.surface.uvs[1], [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+    assert_eq!(arm.surface.normals, [[Vec3::Z; 3]]);
+    assert_eq!(
+        scene.textures[0].source,
+        TextureSource::File("a/wood .png".into())
+    );
+    assert_eq!(scene.materials[0].diffuse, Vec3::new(0.5, 0.25, 1.0));
+    let span = scene.span.expect("it moves");
+    assert_eq!((span.end, span.frames), (2.0, 51));
+    // A quarter turn about the arm's own end.
+    for (time, expected) in [
+        (0.0, Vec3::new(7.0, 0.0, 0.0)),
+        (2.0, Vec3::new(5.0, 2.0, 0.0)),
+    ] {
+        let nodes = scene.placed_nodes(time);
+        let to = SceneDescription::placed_part(arm, &nodes);
+        let corner = to.transform_point3(arm.mesh.corners(0)[1]);
+        assert!(corner.distance(expected) < 1e-5, "{time}: {corner}");
+    }
+    let camera = scene.camera_at(2.0).expect("it has one");
+    assert!(
+        camera.eye.distance(Vec3::new(5.0, 0.0, 7.0)) < 1e-5,
+        "{camera:?}"
+    );
+    assert!(
+        camera.target.distance(Vec3::new(5.0, 0.0, 6.0)) < 1e-5,
+        "{camera:?}"
+    );
+    assert!(
+        camera.up.distance(Vec3::NEG_X) < 1e-5,
+        "it turns with the arm: {camera:?}"
+    );
+}
+
+#[test]
+fn skins_follow_their_bones() {
+    let mut file = File::default();
+    let triangle = file.floats("VEC3", 3, &TRIANGLE);
+    let joints = file.add(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], 5121, "VEC4", 3, None);
+    let weights = file.floats(
+        "VEC4",
+        4,
+        &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0],
+    );
+    let times = file.floats("SCALAR", 1, &[0.0, 1.0]);
+    let moves = file.floats("VEC3", 3, &[0.0, 0.0, 0.0, 0.0, 0.0, 4.0]);
+    let file = file.finish(json!({
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [
+            { "mesh": 0, "skin": 0, "translation": [100.0, 0.0, 0.0] },
+            { "children": [2] },
+            {},
+        ],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": triangle, "JOINTS_0": joints, "WEIGHTS_0": weights } }] }],
+        "skins": [{ "joints": [1, 2] }],
+        "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 2, "path": "translation" } }],
+            "samplers": [{ "input": times, "output": moves }],
+        }],
+    }));
+    let scene = read(&file).expect("valid");
+    let nodes = scene.placed_nodes(0.5);
+    let positions = scene.parts[0].deformed(0.5, &nodes).expect("it has a skin");
+    assert_eq!(
+        positions,
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [0.0, 1.0, 1.0]],
+        "not where its node is"
+    );
+    assert_eq!(
+        scene.mesh_at(0.5).expect("near").corners(0)[2],
+        Vec3::new(0.0, 1.0, 1.0)
+    );
+}
+
+#[test]
+fn strips_and_fans_are_triangles() {
+    for (mode, expected) in [(5, [[0, 1, 2], [1, 3, 2]]), (6, [[0, 1, 2], [0, 2, 3]])] {
+        let mut file = File::default();
+        let square = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];
+        let positions = file.floats("VEC3", 3, &square);
+        let file = file.finish(json!({
+            "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions }, "mode": mode }] }],
+        }));
+        let scene = read(&file).expect("valid");
+        assert_eq!(scene.parts[0].mesh.triangles(), expected, "mode {mode}");
+        assert_eq!(
+            scene.parts[0].surface,
+            Surface {
+                materials: vec![0; 2],
+                ..Surface::default()
+            }
+        );
+    }
+}
+
+#[test]
+fn what_is_wrong_is_told() {
+    let mesh = |file: File, positions: usize, indices: usize| {
+        file.finish(json!({
+            "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions }, "indices": indices }] }],
+        }))
+    };
+    let mut file = File::default();
+    let (positions, indices) = (file.floats("VEC3", 3, &TRIANGLE), file.indices(&[0, 1, 7]));
+    let error = read(&mesh(file, positions, indices))
+        .expect_err("index 7")
+        .to_string();
+    assert_eq!(
+        error,
+        "a/scene.gltf: face 0: index 7 is out of range, there are 3 vertices"
+    );
+
+    let mut file = File::default();
+    let mut far = TRIANGLE;
+    far[4] = f32::NAN;
+    let bytes: Vec<u8> = far.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let bounds = Some([vec![0.0; 3], vec![1.0; 3]]);
+    let (positions, indices) = (
+        file.add(&bytes, 5126, "VEC3", 3, bounds),
+        file.indices(&[0, 1, 2]),
+    );
+    let error = read(&mesh(file, positions, indices))
+        .expect_err("NaN")
+        .to_string();
+    assert_eq!(error, "a/scene.gltf: mesh 0: a vertex is not finite");
+
+    let mut file = moving();
+    file["buffers"][0]["byteLength"] = json!(100_000);
+    let error = read(&file).expect_err("too short").to_string();
+    assert!(
+        error.starts_with("a/scene.gltf: ends at byte of a buffer "),
+        "{error}"
+    );
+
+    let mut file = moving();
+    file["buffers"][0]["uri"] = json!("none.bin");
+    let error = read(&file).expect_err("not there").to_string();
+    assert_eq!(
+        error,
+        "a/scene.gltf: buffer 0: `none.bin`: entity not found"
+    );
+
+    let mut file = moving();
+    file["nodes"][2]["children"] = json!([1]);
+    let error = read(&file).expect_err("a node within itself").to_string();
+    assert!(
+        error.contains("node 1") || error.contains("nodes"),
+        "{error}"
+    );
+
+    for bytes in [
+        &b"glTF\x02\0\0\0"[..],
+        b"{}",
+        b"",
+        b"{\"asset\": {\"version\": \"2.0\"}, \"scenes\": [{\"nodes\": [5]}]}",
+    ] {
+        let error = read_bytes(bytes.to_vec()).expect_err("no glTF").to_string();
+        assert!(error.starts_with("a/scene.gltf: header: "), "{error}");
+    }
+    // A file may be cut anywhere.
+    let whole = moving().to_string();
+    for end in (0..whole.len()).step_by(97) {
+        let _ = read_bytes(whole.as_bytes()[..end].to_vec());
+    }
+}
