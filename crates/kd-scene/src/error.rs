@@ -28,7 +28,7 @@ pub enum LoadError {
         /// What the system said.
         source: io::Error,
     },
-    /// The file is a scene, and not read as a mesh: [`load_scene`](crate::load_scene) does it.
+    /// The file is a scene, and not read as a mesh: `load_scene` does it.
     #[error("{file}: {format} files are scenes, not meshes")]
     UnsupportedFormat {
         /// Name of the file.

@@ -1,5 +1,6 @@
 //! glTF 2.0, with nodes that move and skins.
 
+mod accessors;
 mod buffers;
 mod material;
 mod motion;
@@ -9,12 +10,16 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat4, Vec3};
+use glam::{DAffine3, DMat4, DVec3, Vec3};
+use gltf::json::Index;
+use gltf::json::validation::Checked;
+use gltf::mesh::Semantic;
 
 use crate::draft::{Draft, Look, Place};
 use crate::{
     Camera, ColorSpace, Deformation, LoadError, Node, Part, SceneDescription, Skin, Surface,
 };
+use accessors::Accessors;
 use buffers::Buffers;
 
 /// Reads a glTF file, `.gltf` or `.glb`, and the files that it names.
@@ -37,14 +42,29 @@ pub fn read_gltf(
         file: file.clone(),
         source,
     })?;
+    let broken = |error: gltf::Error| LoadError::BadHeader {
+        file: file.clone(),
+        problem: error.to_string(),
+    };
     let gltf::Gltf { document, blob } =
-        gltf::Gltf::from_slice(&bytes).map_err(|error| LoadError::BadHeader {
-            file: file.clone(),
-            problem: error.to_string(),
-        })?;
+        gltf::Gltf::from_slice_without_validation(&bytes).map_err(broken)?;
+    let json = document.into_json();
+    // The crate's own check looks at these before it knows that they are there.
+    let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let mut attributes = primitives.flat_map(|primitive| primitive.attributes.values());
+    if let Some(missing) = attributes.find(|index| index.value() >= json.accessors.len()) {
+        return Err(LoadError::BadElement {
+            file,
+            element: "accessor".to_owned(),
+            index: missing.value(),
+            problem: "it is not there".to_owned(),
+        });
+    }
+    let document = gltf::Document::from_json(json).map_err(broken)?;
     let buffers = Buffers::read(&document, blob, path, files)?;
     let mut reader = Reader {
         file,
+        json: document.as_json().clone(),
         buffers,
         scene: SceneDescription {
             background: Vec3::new(0.45, 0.58, 0.78),
@@ -79,6 +99,8 @@ struct Skinned {
 
 struct Reader {
     file: String,
+    /// The file as it was written.
+    json: gltf::json::Root,
     buffers: Buffers,
     scene: SceneDescription,
     drafts: Vec<Draft>,
@@ -185,7 +207,7 @@ impl Reader {
             for primitive in mesh.primitives() {
                 let place = Place::new(DAffine3::IDENTITY);
                 let vertices = self.primitive(&mut draft, mesh.index(), &primitive, &place)?;
-                self.influences(&primitive, vertices, &mut influences);
+                self.influences(mesh.index(), &primitive, vertices, &mut influences)?;
             }
             let part = draft.finish().map_err(|source| LoadError::Mesh {
                 file: self.file.clone(),
@@ -227,19 +249,28 @@ impl Reader {
     ) -> Result<usize, LoadError> {
         use gltf::mesh::Mode;
 
-        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()));
-        let Some(positions) = reader.read_positions() else {
+        let Some(positions) = self.attribute::<3>(mesh, primitive, &Semantic::Positions, false)?
+        else {
             return Ok(0);
         };
         let mut vertices = Vec::new();
         for position in positions {
-            let at = place.position(Vec3::from(position).as_dvec3());
+            let at = place.position(DVec3::from(position));
             let vertex = draft.vertex(at);
             vertices.push(vertex.ok_or_else(|| self.bad("mesh", mesh, "a vertex is not finite"))?);
         }
         let count = vertices.len();
-        let corners: Vec<u32> = match reader.read_indices() {
-            Some(indices) => indices.into_u32().collect(),
+        let corners: Vec<u32> = match self.json_of(mesh, primitive).and_then(|json| json.indices) {
+            Some(indices) => {
+                let indices = self.numbers::<1>(indices, false)?.into_iter();
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "they come from at most 32 bits; what is no index becomes one that is refused, or 0"
+                )]
+                let index = |[index]: [f64; 1]| index as u32;
+                indices.map(index).collect()
+            }
             None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
         };
         let corner = |i: usize| corners[i];
@@ -254,16 +285,21 @@ impl Reader {
                 .collect(),
             Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => Vec::new(),
         };
-        let normals: Option<Vec<Vec3>> = reader.read_normals().map(|normals| {
+        let normals = self.attribute::<3>(mesh, primitive, &Semantic::Normals, false)?;
+        let normals: Option<Vec<Vec3>> = normals.map(|normals| {
+            let normals = normals.into_iter();
             normals
-                .map(|normal| place.normal(Vec3::from(normal).as_dvec3()))
+                .map(|normal| place.normal(DVec3::from(normal)))
                 .collect()
         });
         let (material, texture, set) = self.look_of(&primitive.material());
-        let uvs: Option<Vec<[f32; 2]>> = reader
-            .read_tex_coords(set)
-            .filter(|_| texture != Surface::NO_TEXTURE)
-            .map(|uvs| uvs.into_f32().collect());
+        let uvs = if texture == Surface::NO_TEXTURE {
+            None
+        } else {
+            self.attribute::<2>(mesh, primitive, &Semantic::TexCoords(set), true)?
+        };
+        let uvs: Option<Vec<[f32; 2]>> =
+            uvs.map(|uvs| uvs.into_iter().map(|uv| uv.map(narrow)).collect());
         let texture = if uvs.is_some() {
             texture
         } else {
@@ -300,20 +336,28 @@ impl Reader {
 
     /// The bones of so many vertices.
     fn influences(
-        &mut self,
+        &self,
+        mesh: usize,
         primitive: &gltf::Primitive<'_>,
         vertices: usize,
         to: &mut Vec<[(u16, f32); 4]>,
-    ) {
-        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()));
+    ) -> Result<(), LoadError> {
         let end = to.len() + vertices;
-        if let (Some(joints), Some(weights)) = (reader.read_joints(0), reader.read_weights(0)) {
-            let pairs = joints.into_u16().zip(weights.into_f32()).take(vertices);
+        let joints = self.attribute::<4>(mesh, primitive, &Semantic::Joints(0), false)?;
+        let weights = self.attribute::<4>(mesh, primitive, &Semantic::Weights(0), true)?;
+        if let (Some(joints), Some(weights)) = (joints, weights) {
+            let pairs = joints.into_iter().zip(weights).take(vertices);
             to.extend(pairs.map(|(joints, weights)| {
                 std::array::from_fn(|i| {
-                    let weight = weights[i];
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "what is no number of a bone becomes one that is refused, or 0"
+                    )]
+                    let joint = joints[i] as u16;
+                    let weight = narrow(weights[i]);
                     (
-                        joints[i],
+                        joint,
                         if weight.is_finite() {
                             weight.max(0.0)
                         } else {
@@ -325,6 +369,49 @@ impl Reader {
         }
         // Those without any stay where they are.
         to.resize(end, [(0, 0.0); 4]);
+        Ok(())
+    }
+
+    /// What the file says of a primitive.
+    fn json_of(
+        &self,
+        mesh: usize,
+        primitive: &gltf::Primitive<'_>,
+    ) -> Option<&gltf::json::mesh::Primitive> {
+        self.json
+            .meshes
+            .get(mesh)?
+            .primitives
+            .get(primitive.index())
+    }
+
+    /// What vertices have, if they do.
+    fn attribute<const N: usize>(
+        &self,
+        mesh: usize,
+        primitive: &gltf::Primitive<'_>,
+        semantic: &Semantic,
+        are_parts: bool,
+    ) -> Result<Option<Vec<[f64; N]>>, LoadError> {
+        let attributes = self.json_of(mesh, primitive).map(|json| &json.attributes);
+        let index = attributes.and_then(|all| all.get(&Checked::Valid(semantic.clone())));
+        index
+            .map(|index| self.numbers(*index, are_parts))
+            .transpose()
+    }
+
+    /// The values of an accessor.
+    fn numbers<const N: usize>(
+        &self,
+        index: Index<gltf::json::Accessor>,
+        are_parts: bool,
+    ) -> Result<Vec<[f64; N]>, LoadError> {
+        let accessors = Accessors {
+            root: &self.json,
+            buffers: &self.buffers,
+        };
+        let found = accessors.read(index, are_parts);
+        found.map_err(|problem| self.bad("accessor", index.value(), problem))
     }
 
     /// Gives parts with skins their bones.
@@ -344,11 +431,13 @@ impl Reader {
                 let problem = "a bone is not in the scene";
                 joints.push(node.ok_or_else(|| self.bad("skin", number, problem))?);
             }
-            let reader = skin.reader(|buffer| self.buffers.get(buffer.index()));
-            let mut inverse_binds: Vec<DAffine3> = match reader.read_inverse_bind_matrices() {
-                Some(matrices) => matrices.map(|matrix| affine(&matrix)).collect(),
-                None => Vec::new(),
-            };
+            let json = self.json.skins.get(number);
+            let matrices = json.and_then(|skin| skin.inverse_bind_matrices);
+            let matrices = matrices.map(|matrices| self.numbers::<16>(matrices, false));
+            let matrices = matrices.transpose()?.unwrap_or_default().into_iter();
+            let mut inverse_binds: Vec<DAffine3> = matrices
+                .map(|matrix| DAffine3::from_mat4(DMat4::from_cols_array(&matrix)))
+                .collect();
             inverse_binds.resize(joints.len(), DAffine3::IDENTITY);
             let highest = influences
                 .iter()
@@ -404,12 +493,17 @@ impl Reader {
 
 /// Where a node stands in the one that it is in.
 fn local(node: &gltf::Node<'_>) -> DAffine3 {
-    affine(&node.transform().matrix())
+    let columns = node
+        .transform()
+        .matrix()
+        .map(|column| column.map(f64::from));
+    DAffine3::from_mat4(DMat4::from_cols_array_2d(&columns))
 }
 
-/// By columns.
-fn affine(matrix: &[[f32; 4]; 4]) -> DAffine3 {
-    let columns = matrix.map(|column| column.map(f64::from));
-    let matrix = DMat4::from_cols_array_2d(&columns);
-    DAffine3::from_mat4(matrix)
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "files have them as f32, or fewer bits"
+)]
+fn narrow(number: f64) -> f32 {
+    number as f32
 }

@@ -1,9 +1,13 @@
-//! Scenes to build kd-trees for: mesh files, the eleven procedural scenes of the SPD, cameras.
+//! Scenes to build kd-trees for: mesh files, scenes that move, the eleven procedural scenes of the SPD, cameras.
 //!
 //! [`load_mesh`] reads OBJ and PLY files; what is wrong with a bad file is said with its line or
 //! element, never by a panic. [`Spd`] generates Eric Haines' Standard Procedural Databases, the
 //! scenes ray tracers have been compared on since 1987, the same bit for bit on every platform.
 //! [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays.
+//!
+//! With the feature `scenes`, on by default, `load_scene` reads AFF and NFF, glTF 2.0, and OBJ with its materials:
+//! a `SceneDescription` has parts with what they look like, lights, a camera, and how all of it moves. `toy_room` generates
+//! one.
 //!
 //! ```
 //! use kd_scene::{Camera, Spd, read_obj};
@@ -23,31 +27,48 @@
 
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "scenes")]
 mod aff;
 mod camera;
+#[cfg(feature = "scenes")]
 mod description;
+#[cfg(feature = "scenes")]
 mod draft;
 mod error;
+#[cfg(feature = "scenes")]
 mod gltf;
+#[cfg(feature = "scenes")]
 mod keys;
 mod load;
+#[cfg(feature = "scenes")]
+mod load_scene;
 mod obj;
 mod ply;
 mod spd;
 mod tessellate;
+#[cfg(feature = "scenes")]
 mod toy_room;
 
+#[cfg(feature = "scenes")]
 pub use aff::{AffOptions, load_aff, read_aff};
 pub use camera::{Camera, View, light_above};
+#[cfg(feature = "scenes")]
 pub use description::{
     ColorSpace, Deformation, Light, Material, Morph, MorphKey, Node, Part, SceneDescription, Skin,
     Span, Surface, Texture, TextureSource,
 };
 pub use error::LoadError;
+#[cfg(feature = "scenes")]
 pub use gltf::read_gltf;
+#[cfg(feature = "scenes")]
 pub use keys::Keys;
-pub use load::{load_mesh, load_scene};
-pub use obj::{read_obj, read_obj_scene};
+pub use load::load_mesh;
+#[cfg(feature = "scenes")]
+pub use load_scene::load_scene;
+pub use obj::read_obj;
+#[cfg(feature = "scenes")]
+pub use obj::read_obj_scene;
 pub use ply::read_ply;
 pub use spd::{SceneSetup, Spd, SpdError};
+#[cfg(feature = "scenes")]
 pub use toy_room::{toy_room, toy_room_aff};

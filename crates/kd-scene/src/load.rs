@@ -4,36 +4,7 @@ use std::path::Path;
 
 use kd_core::Mesh;
 
-use crate::{
-    AffOptions, LoadError, SceneDescription, load_aff, read_gltf, read_obj, read_obj_scene,
-    read_ply,
-};
-
-/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], `.gltf` and `.glb` with
-/// [`read_gltf`], `.obj` with its materials, anything else as a mesh with
-/// [`load_mesh`], in one light grey material.
-///
-/// # Errors
-///
-/// [`LoadError`], as those two.
-pub fn load_scene(
-    path: impl AsRef<Path>,
-    options: &AffOptions,
-) -> Result<SceneDescription, LoadError> {
-    let path = path.as_ref();
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    let extension = extension.unwrap_or_default().to_ascii_lowercase();
-    if extension == "aff" || extension == "nff" {
-        return load_aff(path, options);
-    }
-    if extension == "gltf" || extension == "glb" {
-        return read_gltf(path, &mut |path| std::fs::read(path));
-    }
-    if extension == "obj" {
-        return read_obj_scene(path, &mut |path| std::fs::read(path));
-    }
-    Ok(SceneDescription::of_mesh(load_mesh(path)?))
-}
+use crate::{LoadError, read_obj, read_ply};
 
 /// Reads a mesh file.
 ///
@@ -46,7 +17,7 @@ pub fn load_scene(
 ///
 /// # Errors
 /// [`LoadError`] names the file and the line or element. `.gltf`, `.glb`, `.aff` and `.nff`
-/// are scenes, for [`load_scene`]: [`LoadError::UnsupportedFormat`].
+/// are scenes, for `load_scene`: [`LoadError::UnsupportedFormat`].
 ///
 /// ```no_run
 /// let mesh = kd_scene::load_mesh("bunny.ply")?;

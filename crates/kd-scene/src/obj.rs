@@ -6,15 +6,18 @@
 //! in things a filter can see, so [`Geometry`] hands it one plain `v` or `f` statement at a time
 //! and remembers the line. What `tobj` finds only at the end is looked for once more, by line.
 
-mod look;
+#[cfg(feature = "scenes")]
+mod scene;
 
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
 use kd_core::Mesh;
 
+use crate::LoadError;
 use crate::error::quoted;
-use crate::{LoadError, SceneDescription};
+#[cfg(feature = "scenes")]
+pub use scene::read_obj_scene;
 
 /// Reads a Wavefront OBJ file; `name` is used in errors only.
 ///
@@ -73,36 +76,6 @@ pub fn read_obj(mut reader: impl BufRead, name: &str) -> Result<Mesh, LoadError>
         file: file(),
         source,
     })
-}
-
-/// Reads a Wavefront OBJ file as a scene that stands still: its geometry as [`read_obj`] does, and normals, places in textures
-/// and materials with it. `path` is used in errors, and to find the files that it names.
-///
-/// Materials have a diffuse colour or texture, highlights, mirrors where their illumination model is 3 or more, and let light
-/// through as far as they are dissolved. Files of materials that are missing or broken, and materials that are in none, are
-/// warnings, and light grey.
-///
-/// # Errors
-///
-/// As [`read_obj`], and for normals and places in textures as for positions.
-pub fn read_obj_scene(
-    path: &Path,
-    files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
-) -> Result<SceneDescription, LoadError> {
-    let name = path.display().to_string();
-    let bytes = files(path).map_err(|source| LoadError::Open {
-        file: name.clone(),
-        source,
-    })?;
-    let mesh = read_obj(bytes.as_slice(), &name)?;
-    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
-    let looks = look::looks(bytes, path, files)?;
-    let mut scene = SceneDescription::of_mesh(mesh);
-    scene.materials = looks.materials;
-    scene.textures = looks.textures;
-    scene.warnings = looks.warnings;
-    scene.parts[0].surface = looks.surface;
-    Ok(scene)
 }
 
 /// Some editors put it before UTF-8 text; the first statement is behind it.

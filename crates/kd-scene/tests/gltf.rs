@@ -317,3 +317,35 @@ fn what_is_wrong_is_told() {
         let _ = read_bytes(whole.as_bytes()[..end].to_vec());
     }
 }
+
+/// Digits and other bytes changed here and there: whatever it is then, it is no panic.
+#[test]
+fn files_may_be_broken_anywhere() {
+    let whole = moving().to_string().into_bytes();
+    let digits: Vec<usize> = (0..whole.len())
+        .filter(|i| whole[*i].is_ascii_digit())
+        .collect();
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut read_all = 0;
+    for _ in 0..5000 {
+        let mut bytes = whole.clone();
+        for _ in 0..rng.usize(1..4) {
+            if rng.bool() {
+                let at = digits[rng.usize(..digits.len())];
+                bytes[at] = b'0' + rng.u8(..10);
+                if rng.u8(..4) == 0 {
+                    bytes.insert(at, b'9');
+                }
+            } else {
+                let at = rng.usize(..bytes.len());
+                bytes[at] = rng.u8(..);
+            }
+        }
+        if let Ok(scene) = read_bytes(bytes) {
+            let _ = scene.mesh_at(0.5);
+            let _ = scene.camera_at(0.5);
+            read_all += 1;
+        }
+    }
+    assert!(read_all > 100, "{read_all} were still files");
+}

@@ -7,6 +7,8 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gltf::buffer::Source;
+use gltf::json::Root;
+use gltf::json::buffer::View;
 
 use crate::{LoadError, Texture, TextureSource};
 
@@ -54,30 +56,37 @@ impl Buffers {
         Ok(Self(all))
     }
 
-    pub(super) fn get(&self, index: usize) -> Option<&[u8]> {
-        self.0.get(index).map(Vec::as_slice)
-    }
-
     /// A picture, as far as it can be told where it is.
-    pub(super) fn texture(&self, image: &gltf::Image<'_>, file: &str) -> Texture {
-        let path = Path::new(file);
-        let number = format!("image {}", image.index());
-        let source = match image.source() {
-            gltf::image::Source::View { view, .. } => {
-                let end = view.offset().saturating_add(view.length());
-                let bytes = self.get(view.buffer().index());
-                let bytes = bytes.and_then(|bytes| bytes.get(view.offset()..end));
-                TextureSource::Bytes(Arc::from(bytes.unwrap_or_default()))
-            }
-            gltf::image::Source::Uri { uri, .. } => match inline(uri) {
+    pub(super) fn texture(&self, json: &Root, number: usize, file: &str) -> Texture {
+        let image = &json.images[number];
+        let nothing = || TextureSource::Bytes(Arc::from([]));
+        let source = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => match inline(uri) {
                 Some(bytes) => TextureSource::Bytes(Arc::from(bytes.unwrap_or_default())),
-                None => TextureSource::File(beside(path, uri)),
+                None => TextureSource::File(beside(Path::new(file), uri)),
             },
+            (None, Some(view)) => {
+                let bytes = json.buffer_views.get(view.value());
+                let bytes = bytes.and_then(|view| self.of_view(view));
+                bytes.map_or_else(nothing, |bytes| TextureSource::Bytes(Arc::from(bytes)))
+            }
+            (None, None) => nothing(),
         };
         Texture {
-            name: image.name().map_or(number, str::to_owned),
+            name: image
+                .name
+                .clone()
+                .unwrap_or_else(|| format!("image {number}")),
             source,
         }
+    }
+
+    /// The bytes of a view, if they are there.
+    pub(super) fn of_view(&self, view: &View) -> Option<&[u8]> {
+        let buffer = self.0.get(view.buffer.value())?;
+        let start = usize::try_from(view.byte_offset.map_or(0, |offset| offset.0)).ok()?;
+        let length = usize::try_from(view.byte_length.0).ok()?;
+        buffer.get(start..start.checked_add(length)?)
     }
 }
 

@@ -12,8 +12,8 @@ const PLAIN_MIRROR: f32 = 0.04;
 impl Reader {
     /// Reads all materials and names all pictures. After those of the file comes the one of triangles that have none.
     pub(super) fn materials(&mut self, document: &gltf::Document) {
-        let images = document.images();
-        let textures = images.map(|image| self.buffers.texture(&image, &self.file));
+        let images = 0..self.json.images.len();
+        let textures = images.map(|number| self.buffers.texture(&self.json, number, &self.file));
         self.scene.textures = textures.collect();
         self.scene.materials = document
             .materials()

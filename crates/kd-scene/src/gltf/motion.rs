@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 
 use glam::{DQuat, DVec3, Quat, Vec3};
-use gltf::animation::util::ReadOutputs;
 use gltf::animation::{Interpolation, Property};
+use gltf::json::validation::Checked;
 
 use super::Reader;
 use crate::keys::sampled::{Sampled, Values};
@@ -27,55 +27,50 @@ impl Reader {
         if document.animations().count() > 1 {
             self.warn("only the first of its animations is read".to_owned());
         }
+        let number = animation.index();
+        let json = self.json.animations.get(number).cloned();
+        let json = json.ok_or_else(|| self.bad("animation", number, "it is not there"))?;
         let mut end = 0.0_f64;
-        for channel in animation.channels() {
-            let reader = channel.reader(|buffer| self.buffers.get(buffer.index()));
-            let node = channel.target().node();
-            let (Some(inputs), Some(outputs)) = (reader.read_inputs(), reader.read_outputs())
-            else {
-                let problem = "a channel has no keys";
-                return Err(self.bad("animation", animation.index(), problem));
+        for channel in &json.channels {
+            let node = document.nodes().nth(channel.target.node.value());
+            let sampler = json.samplers.get(channel.sampler.value());
+            let (Some(node), Some(sampler)) = (node, sampler) else {
+                return Err(self.bad("animation", number, "a channel has no node, or no keys"));
             };
-            if channel.target().property() == Property::MorphTargetWeights {
+            let (Checked::Valid(property), Checked::Valid(way)) =
+                (channel.target.path, sampler.interpolation)
+            else {
+                return Err(self.bad("animation", number, "a channel is of no known kind"));
+            };
+            if property == Property::MorphTargetWeights {
                 self.warn("shapes to blend do not move".to_owned());
                 continue;
             }
-            let times: Vec<f64> = inputs.map(f64::from).collect();
-            let ascends =
-                times.is_sorted_by(|a, b| a < b) && times.iter().all(|time| time.is_finite());
-            if times.is_empty() || !ascends {
-                let problem = "the times of keys do not ascend";
-                return Err(self.bad("animation", animation.index(), problem));
+            let times = self.numbers::<1>(sampler.input, false)?;
+            let times: Vec<f64> = times.into_iter().map(|[time]| time).collect();
+            let is_finite = times.iter().all(|time| time.is_finite());
+            if times.is_empty() || !is_finite || !times.is_sorted_by(|a, b| a < b) {
+                return Err(self.bad("animation", number, "the times of keys do not ascend"));
             }
             end = end.max(times[times.len() - 1]);
+            let wrong = || self.bad("animation", number, "there are not as many values as times");
             let keys = motion.entry(node.index()).or_insert_with(|| at_rest(&node));
-            let way = channel.sampler().interpolation();
-            let wrong = || {
-                self.bad(
-                    "animation",
-                    animation.index(),
-                    "there are not as many values as times",
-                )
-            };
-            match outputs {
-                ReadOutputs::Translations(values) => {
-                    let curve =
-                        sampled(times, values.map(vector).collect(), way).ok_or_else(wrong)?;
-                    keys.translation = Some(Curve::Sampled(curve));
-                }
-                ReadOutputs::Scales(values) => {
-                    let curve =
-                        sampled(times, values.map(vector).collect(), way).ok_or_else(wrong)?;
-                    keys.scale = Some(Curve::Sampled(curve));
-                }
-                ReadOutputs::Rotations(values) => {
-                    let values = values
-                        .into_f32()
-                        .map(|turn| Quat::from_array(turn).as_dquat());
-                    let curve = sampled(times, values.collect(), way).ok_or_else(wrong)?;
-                    keys.rotation = Some(Curve::Sampled(curve));
-                }
-                ReadOutputs::MorphTargetWeights(_) => {}
+            if property == Property::Rotation {
+                let turns = self.numbers::<4>(sampler.output, true)?;
+                let turns = turns.into_iter().map(DQuat::from_array).collect();
+                let curve = sampled(times, turns, way).ok_or_else(wrong)?;
+                keys.rotation = Some(Curve::Sampled(curve));
+                continue;
+            }
+            let values = self.numbers::<3>(sampler.output, false)?;
+            let values = values.into_iter().map(DVec3::from).collect();
+            let curve = Some(Curve::Sampled(
+                sampled(times, values, way).ok_or_else(wrong)?,
+            ));
+            if property == Property::Scale {
+                keys.scale = curve;
+            } else {
+                keys.translation = curve;
             }
         }
         #[expect(

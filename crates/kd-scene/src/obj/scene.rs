@@ -1,4 +1,4 @@
-//! What triangles of an OBJ file look like: normals, places in textures, materials.
+//! OBJ files as scenes: what their triangles look like, by normals, places in textures and materials.
 
 use std::collections::HashMap;
 use std::io;
@@ -6,21 +6,51 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Statements, words};
+use super::{BYTE_ORDER_MARK, Statements, read_obj, words};
 use crate::error::quoted;
-use crate::{LoadError, Material, Surface, Texture, TextureSource};
+use crate::{LoadError, Material, SceneDescription, Surface, Texture, TextureSource};
+
+/// Reads a Wavefront OBJ file as a scene that stands still: its geometry as [`read_obj`] does, and normals, places in textures
+/// and materials with it. `path` is used in errors, and to find the files that it names.
+///
+/// Materials have a diffuse colour or texture, highlights, mirrors where their illumination model is 3 or more, and let light
+/// through as far as they are dissolved. Files of materials that are missing or broken, and materials that are in none, are
+/// warnings, and light grey.
+///
+/// # Errors
+///
+/// As [`read_obj`], and for normals and places in textures as for positions.
+pub fn read_obj_scene(
+    path: &Path,
+    files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
+) -> Result<SceneDescription, LoadError> {
+    let name = path.display().to_string();
+    let bytes = files(path).map_err(|source| LoadError::Open {
+        file: name.clone(),
+        source,
+    })?;
+    let mesh = read_obj(bytes.as_slice(), &name)?;
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
+    let looks = looks(bytes, path, files)?;
+    let mut scene = SceneDescription::of_mesh(mesh);
+    scene.materials = looks.materials;
+    scene.textures = looks.textures;
+    scene.warnings = looks.warnings;
+    scene.parts[0].surface = looks.surface;
+    Ok(scene)
+}
 
 /// What is read beside the geometry.
 #[derive(Debug, Default)]
-pub(super) struct Looks {
-    pub(super) surface: Surface,
-    pub(super) materials: Vec<Material>,
-    pub(super) textures: Vec<Texture>,
-    pub(super) warnings: Vec<String>,
+struct Looks {
+    surface: Surface,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    warnings: Vec<String>,
 }
 
 /// Reads everything but the geometry, which is known to be right; triangles are fans of faces, in file order.
-pub(super) fn looks(
+fn looks(
     bytes: &[u8],
     path: &Path,
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
