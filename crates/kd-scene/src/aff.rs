@@ -16,6 +16,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use crate::draft::{Draft, Look, Place};
 use crate::error::quoted;
+use crate::files::opened;
 use crate::keys::{Keys, turn};
 use crate::tessellate::{RESOLUTION, UnitSphere};
 use crate::{
@@ -82,10 +83,7 @@ pub fn read_aff(
     options: &AffOptions,
 ) -> Result<SceneDescription, LoadError> {
     let file = path.display().to_string();
-    let bytes = files(path).map_err(|source| LoadError::Open {
-        file: file.clone(),
-        source,
-    })?;
+    let bytes = opened(path, files)?;
     let scene = SceneDescription {
         ambient: Vec3::ONE,
         ..SceneDescription::default()

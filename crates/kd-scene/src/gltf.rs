@@ -16,6 +16,7 @@ use gltf::json::validation::Checked;
 use gltf::mesh::Semantic;
 
 use crate::draft::{Draft, Look, Place};
+use crate::files::opened;
 use crate::{
     Camera, ColorSpace, Deformation, LoadError, Node, Part, SceneDescription, Skin, Surface,
 };
@@ -38,10 +39,7 @@ pub fn read_gltf(
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<SceneDescription, LoadError> {
     let file = path.display().to_string();
-    let bytes = files(path).map_err(|source| LoadError::Open {
-        file: file.clone(),
-        source,
-    })?;
+    let bytes = opened(path, files)?;
     let broken = |error: gltf::Error| LoadError::BadHeader {
         file: file.clone(),
         problem: error.to_string(),

@@ -36,6 +36,8 @@ mod description;
 mod draft;
 mod error;
 #[cfg(feature = "scenes")]
+mod files;
+#[cfg(feature = "scenes")]
 mod gltf;
 #[cfg(feature = "scenes")]
 mod keys;

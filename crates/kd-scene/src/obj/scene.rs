@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use super::{BYTE_ORDER_MARK, Statements, read_obj, words};
 use crate::error::quoted;
+use crate::files::opened;
 use crate::{LoadError, Material, SceneDescription, Surface, Texture, TextureSource};
 
 /// Reads a Wavefront OBJ file as a scene that stands still: its geometry as [`read_obj`] does, and normals, places in textures
@@ -25,10 +26,7 @@ pub fn read_obj_scene(
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<SceneDescription, LoadError> {
     let name = path.display().to_string();
-    let bytes = files(path).map_err(|source| LoadError::Open {
-        file: name.clone(),
-        source,
-    })?;
+    let bytes = opened(path, files)?;
     let mesh = read_obj(bytes.as_slice(), &name)?;
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
     let looks = looks(bytes, path, files)?;

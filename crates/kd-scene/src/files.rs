@@ -1,0 +1,17 @@
+//! Where scenes and what they name come from.
+
+use std::io;
+use std::path::Path;
+
+use crate::LoadError;
+
+/// The bytes of a scene's own file; `files` gives those of the system, or any others.
+pub(crate) fn opened(
+    path: &Path,
+    files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
+) -> Result<Vec<u8>, LoadError> {
+    files(path).map_err(|source| LoadError::Open {
+        file: path.display().to_string(),
+        source,
+    })
+}
