@@ -1,4 +1,4 @@
-//! Everything that measures: builds `kd-bench` in release and hands it the arguments.
+//! Everything that measures: builds `kd-bench`, in release unless nothing is measured, and hands it the arguments.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,13 +30,9 @@ pub(crate) fn with_rivals(subcommand: &str, arguments: &[String]) -> Outcome {
 
 fn start(subcommand: &str, flags: &[&str], arguments: &[String]) -> Outcome {
     let status = cargo()
-        .args([
-            "run",
-            "--release",
-            "--package",
-            "kd-bench",
-            "--manifest-path",
-        ])
+        .arg("run")
+        .args(profile(arguments))
+        .args(["--package", "kd-bench", "--manifest-path"])
         .arg(workspace_root().join("Cargo.toml"))
         .args(flags)
         .args(["--", subcommand])
@@ -46,6 +42,12 @@ fn start(subcommand: &str, flags: &[&str], arguments: &[String]) -> Outcome {
     let code = status.code().and_then(|code| u8::try_from(code).ok());
     code.map(ExitCode::from)
         .ok_or_else(|| format!("kd-bench was stopped: {status}"))
+}
+
+/// A smoke only checks that everything works: the build that tests have made is good enough.
+fn profile(arguments: &[String]) -> Option<&'static str> {
+    let is_smoke = arguments.iter().any(|argument| argument == "--smoke");
+    (!is_smoke).then_some("--release")
 }
 
 /// Whether a run measures one of [`RUST_RIVALS`]: all rivals, unless `--structure` says which.
@@ -91,6 +93,16 @@ mod tests {
     fn measures_rust_rival(arguments: &str) -> bool {
         let arguments: Vec<String> = arguments.split(' ').map(String::from).collect();
         names_rust_rival(&arguments)
+    }
+
+    #[test]
+    fn what_is_measured_is_built_in_release() {
+        let profile = |arguments: &str| {
+            let arguments: Vec<String> = arguments.split(' ').map(String::from).collect();
+            profile(&arguments)
+        };
+        assert_eq!(profile("--samples 5"), Some("--release"));
+        assert_eq!(profile("--samples 1 --smoke"), None);
     }
 
     #[test]
