@@ -5,6 +5,7 @@ use std::io::Cursor;
 use image::{DynamicImage, ImageFormat, Rgb, RgbImage};
 use kd::glam::Vec3;
 use kd::{Hit, Ray};
+use kd_render::Heat;
 use kd_scene::View;
 use serde::{Deserialize, Serialize};
 
@@ -51,10 +52,11 @@ pub(crate) fn shaded(
         }
         sum / (SUBPIXELS * SUBPIXELS) as f32
     });
-    png(side, &pixels, |light| {
+    png(RgbImage::from_fn(side, side, |x, y| {
         // The square root is close enough to the display's gamma for a picture to look at.
-        Rgb(light.map(f32::sqrt).to_array().map(byte))
-    })
+        let light = pixels[(y * side + x) as usize].map(f32::sqrt);
+        Rgb(light.to_array().map(byte))
+    }))
 }
 
 fn primary(view: &View, column: u32, row: u32, side: u32) -> Ray {
@@ -103,22 +105,12 @@ pub(crate) fn heat(
     let Some(steps) = steps.into_iter().collect::<Option<Vec<u64>>>() else {
         return Ok(None);
     };
-    let mut sorted = steps.clone();
-    sorted.sort_unstable();
+    let heat = Heat::new([side, side], &steps);
     let scale = HeatScale {
-        brightest: sorted[(sorted.len() - 1) * 199 / 200].max(1),
-        mean: sorted.iter().sum::<u64>() as f64 / sorted.len() as f64,
+        brightest: heat.brightest,
+        mean: heat.mean,
     };
-    let picture = png(side, &steps, |steps| {
-        Rgb(heat_color(*steps as f64 / scale.brightest as f64))
-    })?;
-    Ok(Some((picture, scale)))
-}
-
-/// The colour for a share of the scale, from 0 to 1; above it the brightest.
-pub(crate) fn heat_color(share: f64) -> [u8; 3] {
-    let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(share.clamp(0.0, 1.0));
-    [r, g, b]
+    Ok(Some((png(heat.picture.to_image())?, scale)))
 }
 
 fn closest(structure: &dyn Structure, ray: &Ray) -> Option<Hit> {
@@ -158,8 +150,7 @@ fn by_rows<T: Send>(side: u32, pixel: impl Fn(u32, u32) -> T + Sync) -> Vec<T> {
     })
 }
 
-fn png<T>(side: u32, pixels: &[T], color: impl Fn(&T) -> Rgb<u8>) -> anyhow::Result<Vec<u8>> {
-    let picture = RgbImage::from_fn(side, side, |x, y| color(&pixels[(y * side + x) as usize]));
+fn png(picture: RgbImage) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
     DynamicImage::from(picture).write_to(&mut bytes, ImageFormat::Png)?;
     Ok(bytes.into_inner())

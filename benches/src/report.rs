@@ -9,7 +9,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::picture::{HeatScale, heat_color};
+use crate::picture::HeatScale;
 use crate::plots::{self, BarPlot, ScatterPlot};
 use crate::record::{self, Record, Row};
 use crate::run_folder::{self, RunFolder};
@@ -389,7 +389,7 @@ fn scene_section(folder: &RunFolder, scene: &str) -> anyhow::Result<Markup> {
 fn ramp() -> String {
     let mut css = String::from("background:linear-gradient(to right");
     for step in 0..=16 {
-        let [r, g, b] = heat_color(f64::from(step) / 16.0);
+        let [r, g, b] = kd_render::heat_color(f64::from(step) / 16.0);
         // Writing to a string cannot fail.
         let _ = write!(css, ",rgb({r} {g} {b})");
     }

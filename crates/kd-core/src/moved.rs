@@ -45,10 +45,13 @@ impl Tree {
     ///
     /// Rounding keeps the order of coordinates, so that a box that reaches into a cell still does so: a tree over [`Boxes`]
     /// is right wherever it is moved. One over shapes that were clipped need not be: the corner of a cell that a triangle
-    /// just missed may, rounded, be in it, and rays that pass there may miss the triangle. (Of 800 such trees moved by up to
-    /// 1000 times their size, [`check_coverage`](Self::check_coverage) found that in 600. 16 million random rays met none.)
+    /// just missed may, rounded, be in it, and rays that pass there may miss the triangle. (Of 800 such trees of
+    /// four generated scenes, moved by up to 1000 times their size, [`check_coverage`](Self::check_coverage) found that in 600. 16
+    /// million random rays met none.)
     ///
-    /// Subtrees with several parents are copied for each. Linear in nodes and references, about a hundredth of a build.
+    /// Subtrees with several parents are copied for each. Linear in nodes and references: a sixtieth of a build by
+    /// `BuildOptions::fast`, and SAH costs of trees over boxes are 1.00 to 1.08 of those over shapes. (Throw-away programs of
+    /// 2026-11-28; balls of size 2 and gears of size 3, one thread, medians of 15.)
     ///
     /// (Eleftheriades 2010 moves polygons and builds their tree anew for every frame.)
     ///

@@ -3,11 +3,10 @@
 use fastrand::Rng;
 use kd::Ray;
 use kd::glam::Vec3;
-use kd_scene::View;
 
 use crate::random::cosine_around;
-use crate::render::{RayCounts, RenderOptions, Tile};
-use crate::stage::Stage;
+use crate::render::{RayCounts, Shot, Tile};
+use crate::shadows::Shadows;
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
@@ -19,21 +18,22 @@ struct Path {
 }
 
 /// What is seen by each sample of a tile.
-pub(crate) fn trace(
-    stage: &Stage,
-    tracer: &impl Tracer,
-    options: &RenderOptions,
-    view: &View,
-    tile: &Tile,
-) -> (Vec<Vec3>, RayCounts) {
-    let lights = stage.lights(options.lights);
+pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, RayCounts) {
+    let Shot {
+        stage,
+        tracer,
+        options,
+        lights,
+        ..
+    } = shot;
     let mut counts = RayCounts::default();
     let mut rays = Vec::new();
     let mut paths = Vec::new();
-    for (sample, [x, y]) in tile.samples(options).enumerate() {
-        rays.push(Ray::new(view.eye, view.direction(x, y)));
+    for (sample, place) in tile.samples(options).enumerate() {
+        rays.push(shot.ray_through(place));
         // A sequence of its own for each place of the picture.
-        let seed = u64::from(x.to_bits()) << 32 | u64::from(y.to_bits());
+        let [x, y] = place.map(f32::to_bits);
+        let seed = u64::from(x) << 32 | u64::from(y);
         paths.push(Path {
             sample,
             weight: Vec3::ONE,
@@ -45,7 +45,7 @@ pub(crate) fn trace(
     for bounce in 0..=options.bounces {
         let mut hits = vec![None; rays.len()];
         tracer.intersect(&rays, &mut hits);
-        let (mut shadows, mut lit) = (Vec::new(), Vec::new());
+        let mut shadows = Shadows::default();
         let (mut next_rays, mut next_paths) = (Vec::new(), Vec::new());
         for ((ray, mut path), hit) in rays.iter().zip(paths).zip(&hits) {
             let Some(hit) = hit else {
@@ -65,11 +65,8 @@ pub(crate) fn trace(
                 let to_light = (light.position - point.at).normalize_or_zero();
                 let facing = to_light.dot(point.normal);
                 if facing > 0.0 && to_light.dot(point.flat_normal) > 0.0 {
-                    shadows.push(Ray::between(point.above(), light.position));
-                    lit.push((
-                        path.sample,
-                        weight * light.color * facing * lights.len() as f32,
-                    ));
+                    let color = weight * light.color * facing * lights.len() as f32;
+                    shadows.push(&point, light, path.sample, color);
                 }
             }
             if bounce < options.bounces {
@@ -80,14 +77,7 @@ pub(crate) fn trace(
                 }
             }
         }
-        let mut occluded = vec![false; shadows.len()];
-        tracer.occluded(&shadows, &mut occluded);
-        counts.shadow += shadows.len() as u64;
-        for ((sample, color), occluded) in lit.into_iter().zip(occluded) {
-            if !occluded {
-                colors[sample] += color;
-            }
-        }
+        shadows.add(*tracer, &mut colors, &mut counts);
         (rays, paths) = (next_rays, next_paths);
         counts.diffuse += rays.len() as u64;
     }

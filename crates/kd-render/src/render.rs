@@ -1,12 +1,13 @@
 //! Pictures of a stage, tile by tile.
 
+use kd::Ray;
 use kd::glam::Vec3;
 use kd_scene::{Camera, View};
 use rayon::prelude::*;
 
 use crate::path_tracer;
 use crate::picture::Picture;
-use crate::stage::Stage;
+use crate::stage::{ShownLight, Stage};
 use crate::tracer::Tracer;
 use crate::whitted;
 
@@ -142,6 +143,22 @@ impl Tile {
     }
 }
 
+/// Everything that is the same for all tiles of a picture.
+pub(crate) struct Shot<'a, T> {
+    pub(crate) stage: &'a Stage,
+    pub(crate) tracer: &'a T,
+    pub(crate) options: &'a RenderOptions,
+    pub(crate) lights: Vec<ShownLight>,
+    view: View,
+}
+
+impl<T> Shot<'_, T> {
+    /// The ray through a place of the picture.
+    pub(crate) fn ray_through(&self, [x, y]: [f32; 2]) -> Ray {
+        Ray::new(self.view.eye, self.view.direction(x, y))
+    }
+}
+
 /// A picture, and the rays that it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
@@ -177,13 +194,19 @@ pub fn render(
     watch: &(dyn Fn(&RayCounts) + Sync),
 ) -> Rendering {
     let (width, height) = (options.width, options.height);
-    let view: View = camera.view(width as f32 / height as f32);
+    let shot = Shot {
+        stage,
+        tracer,
+        options,
+        lights: stage.lights(options.lights),
+        view: camera.view(width as f32 / height as f32),
+    };
     let tiles: Vec<_> = Tile::all(options)
         .into_par_iter()
         .map(|tile| {
             let (colors, counts) = match options.method {
-                RenderMethod::Whitted => whitted::trace(stage, tracer, options, &view, &tile),
-                RenderMethod::Diffuse => path_tracer::trace(stage, tracer, options, &view, &tile),
+                RenderMethod::Whitted => whitted::trace(&shot, &tile),
+                RenderMethod::Diffuse => path_tracer::trace(&shot, &tile),
             };
             watch(&counts);
             (tile, colors, counts)

@@ -18,8 +18,8 @@ use crate::tracer::FrameTracer;
 pub struct Stage {
     description: SceneDescription,
     scene: Scene,
-    /// For each part of the description its part of the scene, unless it is not seen now.
-    parts: Vec<Option<PartId>>,
+    /// For each part of the description its part of the scene, and where that is, unless it is not seen now.
+    parts: Vec<Option<(PartId, Affine3A)>>,
     /// Those that are seen, in the order of their ids, and their numbers.
     numbers: Vec<(PartId, usize)>,
     shown: Vec<ShownPart>,
@@ -33,7 +33,6 @@ pub struct Stage {
 /// A part as it is seen now.
 #[derive(Clone, Debug)]
 pub(crate) struct ShownPart {
-    transform: Affine3A,
     /// Where its triangles are.
     pub(crate) mesh: Arc<Mesh>,
     /// For the normals of its corners.
@@ -145,27 +144,21 @@ impl Stage {
         for (place, part) in self.description.parts.iter().enumerate() {
             let transform = SceneDescription::placed_part(part, &nodes);
             let is_visible = self.description.is_visible(part, time);
-            let id = &mut self.parts[place];
-            let is_where_it_was = self
-                .shown
-                .get(place)
-                .is_some_and(|shown| shown.transform == transform);
-            let transform = (!is_where_it_was || id.is_none()).then_some(transform);
-            let place = is_visible.then_some(transform);
+            let transform = is_visible.then_some(transform);
             let deformed = part.deformed(time, &nodes);
-            update(&mut self.scene, id, part, place, deformed, time)?;
+            let placed = &mut self.parts[place];
+            update(&mut self.scene, placed, part, transform, deformed, time)?;
         }
         let report = self.scene.commit();
         let report = report.map_err(|error| StageError::Commit { time, error })?;
         let frame = self.scene.frame();
         let parts = self.description.parts.iter().zip(&self.parts);
         self.shown = parts
-            .map(|(part, id)| {
+            .map(|(part, placed)| {
                 let transform = SceneDescription::placed_part(part, &nodes);
-                let mesh = id.and_then(|id| frame.mesh(id)).unwrap_or(&part.mesh);
+                let mesh = placed.and_then(|(id, _)| frame.mesh(id));
                 ShownPart {
-                    transform,
-                    mesh: Arc::clone(mesh),
+                    mesh: Arc::clone(mesh.unwrap_or(&part.mesh)),
                     inverse_transpose: inverse_transpose(&transform),
                     morphed_normals: part.deformed_normals(time, &nodes).unwrap_or_default(),
                 }
@@ -175,7 +168,7 @@ impl Stage {
             .parts
             .iter()
             .zip(0..)
-            .filter_map(|(id, place)| Some(((*id)?, place)));
+            .filter_map(|(placed, number)| placed.map(|(id, _)| (id, number)));
         self.numbers = seen.collect();
         self.numbers.sort_unstable();
         self.time = time;
@@ -243,13 +236,12 @@ impl Stage {
     }
 }
 
-/// Brings a part to where it is, adds it or takes it out. `place`: nothing if it is not seen, and no transform if it has not
-/// moved.
+/// Brings a part to where it is, adds it or, without a transform, takes it out. What has not moved is not touched.
 fn update(
     scene: &mut Scene,
-    id: &mut Option<PartId>,
+    placed: &mut Option<(PartId, Affine3A)>,
     part: &Part,
-    place: Option<Option<Affine3A>>,
+    transform: Option<Affine3A>,
     deformed: Option<Vec<[f32; 3]>>,
     time: f64,
 ) -> Result<(), StageError> {
@@ -257,8 +249,8 @@ fn update(
         part: part.name.clone(),
         error,
     };
-    let Some(transform) = place else {
-        if let Some(id) = id.take() {
+    let Some(transform) = transform else {
+        if let Some((id, _)) = placed.take() {
             scene.remove(id).map_err(fail)?;
         }
         return Ok(());
@@ -273,7 +265,7 @@ fn update(
             })
     });
     let deformed = deformed.transpose()?;
-    match *id {
+    let (id, before) = match *placed {
         None => {
             let mesh = deformed.map_or_else(|| Arc::clone(&part.mesh), Arc::new);
             let added = if part.may_move() {
@@ -281,22 +273,24 @@ fn update(
             } else {
                 scene.add_static(mesh)
             };
-            let added = added.map_err(fail)?;
-            *id = Some(added);
-            scene
-                .set_transform(added, transform.unwrap_or(Affine3A::IDENTITY))
-                .map_err(fail)
+            (added.map_err(fail)?, Affine3A::IDENTITY)
         }
-        Some(id) => {
+        Some(placed) => {
             if let Some(mesh) = deformed {
-                scene.set_positions(id, mesh.positions()).map_err(fail)?;
+                scene
+                    .set_positions(placed.0, mesh.positions())
+                    .map_err(fail)?;
             }
-            match transform {
-                Some(transform) => scene.set_transform(id, transform).map_err(fail),
-                None => Ok(()),
-            }
+            placed
         }
+    };
+    // It is in the scene, whether or not it can be moved.
+    *placed = Some((id, before));
+    if transform != before {
+        scene.set_transform(id, transform).map_err(fail)?;
+        *placed = Some((id, transform));
     }
+    Ok(())
 }
 
 /// What turns normals as a transform turns surfaces; of those that flatten, something.

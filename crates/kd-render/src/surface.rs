@@ -50,20 +50,15 @@ impl<'a> SurfacePoint<'a> {
         let smooth = smooth.filter(|normal| *normal != Vec3::ZERO);
         // Which side is outside is what the normals of the file say, where there are any.
         let outwards = smooth.unwrap_or(flat_normal);
-        let is_outside = if smooth.is_some() && outwards.dot(flat_normal) < 0.0 {
-            ray.direction.dot(flat_normal) > 0.0
+        let flat_outwards = if outwards.dot(flat_normal) < 0.0 {
+            -flat_normal
         } else {
-            ray.direction.dot(flat_normal) < 0.0
+            flat_normal
         };
-        let facing = |normal: Vec3| {
-            if ray.direction.dot(normal) > 0.0 {
-                -normal
-            } else {
-                normal
-            }
-        };
-        let flat_normal = facing(flat_normal);
-        let mut normal = if is_outside { outwards } else { -outwards };
+        let is_outside = ray.direction.dot(flat_outwards) < 0.0;
+        let side = if is_outside { 1.0 } else { -1.0 };
+        let flat_normal = side * flat_outwards;
+        let mut normal = side * outwards;
         // Smooth normals at the edge of what is seen may look away.
         if normal.dot(ray.direction) > 0.0 {
             normal = (normal - normal.project_onto(ray.direction)).normalize_or(flat_normal);

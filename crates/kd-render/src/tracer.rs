@@ -49,15 +49,10 @@ impl Tracer for FrameTracer<'_> {
     fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
         let mut found = vec![None; rays.len()];
         self.frame.intersect_batch(rays, &mut found);
-        let mut last = None;
         for (hit, found) in hits.iter_mut().zip(found) {
-            *hit = found.map(|(id, hit)| {
-                let part = match last {
-                    Some((last, part)) if last == id => part,
-                    _ => self.number_of(id),
-                };
-                last = Some((id, part));
-                PartHit { part, hit }
+            *hit = found.map(|(id, hit)| PartHit {
+                part: self.number_of(id),
+                hit,
             });
         }
     }

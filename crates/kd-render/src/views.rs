@@ -15,7 +15,38 @@ pub struct Heat {
     /// The mean over all pixels.
     pub mean: f64,
     /// What is shown as the brightest colour; of 200 pixels one may have more.
-    pub brightest: u32,
+    pub brightest: u64,
+}
+
+impl Heat {
+    /// Numbers by rows from above, as many as there are pixels.
+    ///
+    /// # Panics
+    ///
+    /// If there are others.
+    pub fn new([width, height]: [u32; 2], numbers: &[u64]) -> Self {
+        let mut picture = Picture::new(width, height, Vec3::ZERO, ColorSpace::Display);
+        assert_eq!(numbers.len(), picture.pixels.len(), "one for each pixel");
+        let mut sorted = numbers.to_vec();
+        sorted.sort_unstable();
+        let place = numbers.len().saturating_sub(1) * 199 / 200;
+        let brightest = sorted.get(place).map_or(1, |number| (*number).max(1));
+        for (pixel, number) in picture.pixels.iter_mut().zip(numbers) {
+            let color = heat_color(*number as f64 / brightest as f64);
+            *pixel = ColorSpace::Display.decoded(color);
+        }
+        Self {
+            picture,
+            mean: numbers.iter().sum::<u64>() as f64 / numbers.len().max(1) as f64,
+            brightest,
+        }
+    }
+}
+
+/// The colour for a share of the scale, from 0 to 1; above it the brightest.
+pub fn heat_color(share: f64) -> [u8; 3] {
+    let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(share.clamp(0.0, 1.0));
+    [r, g, b]
 }
 
 /// What the ray of each pixel costs: nodes, leaves and triangles that it looks at.
@@ -50,39 +81,14 @@ fn leaf_depth(tree: &Tree, ray: &Ray, hit: &Hit) -> u32 {
 
 fn by_pixel(camera: &Camera, [width, height]: [u32; 2], of: impl Fn(&Ray) -> u32 + Sync) -> Heat {
     let view = camera.view(width as f32 / height as f32);
-    let pixels = width as usize * height as usize;
-    let numbers: Vec<u32> = (0..height)
-        .into_par_iter()
-        .flat_map_iter(|row| {
-            let of = &of;
-            (0..width).map(move |column| {
-                of(&Ray::new(
-                    view.eye,
-                    view.through_pixel(column, row, width, height),
-                ))
-            })
+    let rows = (0..height).into_par_iter().flat_map_iter(|row| {
+        let (view, of) = (&view, &of);
+        (0..width).map(move |column| {
+            let direction = view.through_pixel(column, row, width, height);
+            u64::from(of(&Ray::new(view.eye, direction)))
         })
-        .collect();
-    let mut sorted = numbers.clone();
-    sorted.sort_unstable();
-    let brightest = sorted
-        .get(pixels.saturating_sub(1) * 199 / 200)
-        .copied()
-        .unwrap_or(0)
-        .max(1);
-    let sum: u64 = numbers.iter().map(|number| u64::from(*number)).sum();
-    let colors = numbers.iter().map(|number| {
-        let share = (f64::from(*number) / f64::from(brightest)).min(1.0);
-        let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(share);
-        ColorSpace::Display.decoded([r, g, b])
     });
-    let mut picture = Picture::new(width, height, Vec3::ZERO, ColorSpace::Display);
-    picture.pixels = colors.collect();
-    Heat {
-        picture,
-        mean: sum as f64 / pixels.max(1) as f64,
-        brightest,
-    }
+    Heat::new([width, height], &rows.collect::<Vec<u64>>())
 }
 
 /// Draws the cells of all nodes of a level over a picture, and of leaves above it; those that are empty are left out.

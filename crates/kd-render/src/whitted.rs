@@ -6,10 +6,11 @@
 
 use kd::Ray;
 use kd::glam::Vec3;
-use kd_scene::{Material, View};
+use kd_scene::Material;
 
-use crate::render::{RayCounts, RenderOptions, Tile};
-use crate::stage::{ShownLight, Stage};
+use crate::render::{RayCounts, Shot, Tile};
+use crate::shadows::Shadows;
+use crate::stage::ShownLight;
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
@@ -41,18 +42,18 @@ impl Wave {
 }
 
 /// What is seen by each sample of a tile.
-pub(crate) fn trace(
-    stage: &Stage,
-    tracer: &impl Tracer,
-    options: &RenderOptions,
-    view: &View,
-    tile: &Tile,
-) -> (Vec<Vec3>, RayCounts) {
-    let lights = stage.lights(options.lights);
+pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, RayCounts) {
+    let Shot {
+        stage,
+        tracer,
+        options,
+        lights,
+        ..
+    } = shot;
     let mut counts = RayCounts::default();
     let mut wave = Wave::default();
-    for (sample, [x, y]) in tile.samples(options).enumerate() {
-        wave.push(Ray::new(view.eye, view.direction(x, y)), sample, Vec3::ONE);
+    for (sample, place) in tile.samples(options).enumerate() {
+        wave.push(shot.ray_through(place), sample, Vec3::ONE);
     }
     counts.primary += wave.rays.len() as u64;
     let mut colors = vec![Vec3::ZERO; wave.rays.len()];
@@ -74,8 +75,8 @@ pub(crate) fn trace(
                 points.push((*ray, *path, point));
             }
         }
-        for light in &lights {
-            light_up(tracer, light, &points, &mut colors, &mut counts);
+        for light in lights {
+            light_up(*tracer, light, &points, &mut colors, &mut counts);
         }
         wave = Wave::default();
         if bounce < options.bounces {
@@ -95,8 +96,7 @@ fn light_up(
     colors: &mut [Vec3],
     counts: &mut RayCounts,
 ) {
-    let mut rays = Vec::new();
-    let mut lit = Vec::new();
+    let mut shadows = Shadows::default();
     for (ray, path, point) in points {
         let to_light = (light.position - point.at).normalize_or_zero();
         if to_light.dot(point.flat_normal) <= 0.0 {
@@ -111,18 +111,10 @@ fn light_up(
         );
         let color = path.weight * light.color * color;
         if color.max_element() > 0.0 {
-            rays.push(Ray::between(point.above(), light.position));
-            lit.push((path.sample, color));
+            shadows.push(point, light, path.sample, color);
         }
     }
-    let mut occluded = vec![false; rays.len()];
-    tracer.occluded(&rays, &mut occluded);
-    counts.shadow += rays.len() as u64;
-    for ((sample, color), occluded) in lit.into_iter().zip(occluded) {
-        if !occluded {
-            colors[sample] += color;
-        }
-    }
+    shadows.add(tracer, colors, counts);
 }
 
 /// How a surface gives back light (B. T. Phong, *Illumination for Computer Generated Pictures*, 1975).

@@ -330,6 +330,18 @@ fn parts_that_are_not_seen_are_not_there() {
 }
 
 #[test]
+fn a_time_that_cannot_be_shown_does_not_spoil_others() {
+    let text = "l 5 5 5 x ball { s 0 0 0 1.5 } a 0 3 4
+        k ball { scale 4 0 1 1 1 0 0 0 0 1 1 1 0 0 0 2 3e38 1 1 0 0 0 3 3e38 1 1 0 0 0 }
+        v from 0 0 4 at 0 0 0 up 0 1 0 angle 60 hither 0.1 resolution 4 4";
+    let mut stage = stage(text, 0.0);
+    let before = picture(&stage, &small());
+    assert!(stage.show(2.0).is_err(), "out of what f32 can tell");
+    stage.show(0.0).expect("as before");
+    assert!(picture(&stage, &small()) == before, "as before");
+}
+
+#[test]
 fn views_of_the_tree_are_of_that_tree() {
     let stage = staged(toy_room(1).expect("small"), 0.0);
     let mesh = stage.description().mesh_at(0.0).expect("near");
@@ -337,13 +349,13 @@ fn views_of_the_tree_are_of_that_tree() {
     let camera = stage.camera();
     let heat = heat_map(&tree, &camera, [32, 24]);
     assert!(
-        heat.mean > 1.0 && f64::from(heat.brightest) >= heat.mean,
+        heat.mean > 1.0 && heat.brightest as f64 >= heat.mean,
         "{}, {}",
         heat.mean,
         heat.brightest
     );
     let depths = leaf_depths(&tree, &camera, [32, 24]);
-    let deepest = u32::try_from(tree.stats().depth).expect("64 at most");
+    let deepest = u64::try_from(tree.stats().depth).expect("64 at most");
     assert!(
         depths.mean > 3.0 && depths.brightest <= deepest,
         "{}, {}",

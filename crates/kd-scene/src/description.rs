@@ -12,7 +12,7 @@ use crate::{Camera, SceneSetup};
 /// A scene as a file describes it: parts with materials, lights and a camera, at any time of its animation.
 #[derive(Clone, Debug, Default)]
 pub struct SceneDescription {
-    /// What rays see that meet nothing, as linear red, green and blue.
+    /// What rays see that meet nothing, as red, green and blue ([`colors`](Self::colors) says what these mean).
     pub background: Vec3,
     /// Light that comes from everywhere.
     pub ambient: Vec3,
@@ -26,7 +26,7 @@ pub struct SceneDescription {
     pub materials: Vec<Material>,
     /// Pictures on surfaces.
     pub textures: Vec<Texture>,
-    /// Transforms that move, each after the one it is in.
+    /// Transforms, each after the one it is in.
     pub nodes: Vec<Node>,
     /// Everything that has triangles.
     pub parts: Vec<Part>,
@@ -90,13 +90,13 @@ impl ColorSpace {
 pub struct Light {
     /// Where it is, before it moves.
     pub position: Vec3,
-    /// What it gives off, as linear red, green and blue.
+    /// What it gives off, as red, green and blue.
     pub color: Vec3,
     /// By how much it is moved, at any time.
     pub keys: Option<Arc<Keys>>,
 }
 
-/// What a surface is made of. Colours are linear.
+/// What a surface is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// How much of the ambient light it gives back.
@@ -148,7 +148,7 @@ pub enum TextureSource {
     Bytes(Arc<[u8]>),
 }
 
-/// A transform that moves.
+/// A transform, which may move.
 #[derive(Clone, Debug)]
 pub struct Node {
     /// What the file calls it.
@@ -205,7 +205,7 @@ pub struct Surface {
     pub textures: Vec<u32>,
     /// Normals at the corners, not necessarily unit, of smooth surfaces; zero where a triangle is flat. Empty if all are.
     pub normals: Vec<[Vec3; 3]>,
-    /// Where the corners lie in the texture, from 0 to 1 and repeated beyond, the second counted from below. Empty without textures.
+    /// Where the corners lie in the texture, from 0 to 1 and repeated beyond, the second counted from above. Empty without textures.
     pub uvs: Vec<[[f32; 2]; 3]>,
 }
 

@@ -121,12 +121,12 @@ impl Reader {
             to_mover: DAffine3::IDENTITY,
         };
         // Not by recursion: a file may be as deep as it likes.
-        let mut open: Vec<(gltf::Node<'_>, Around)> = Vec::new();
+        let mut open: Vec<(gltf::Node<'_>, Option<usize>, Around)> = Vec::new();
         if let Some(scene) = scene {
-            open.extend(scene.nodes().map(|node| (node, around)));
+            open.extend(scene.nodes().map(|node| (node, None, around)));
             open.reverse();
         }
-        while let Some((node, around)) = open.pop() {
+        while let Some((node, parent, around)) = open.pop() {
             if self.number_of.contains_key(&node.index()) {
                 return Err(self.bad("node", node.index(), "it is in two places"));
             }
@@ -147,7 +147,7 @@ impl Reader {
             };
             self.scene.nodes.push(Node {
                 name: node.name().unwrap_or("").to_owned(),
-                parent: self.parent_of(&node, document),
+                parent,
                 place: if keys.is_some() {
                     DAffine3::IDENTITY
                 } else {
@@ -159,18 +159,12 @@ impl Reader {
                 self.mesh(&node, &mesh, around)?;
             }
             self.camera(&node, number);
-            let children: Vec<_> = node.children().map(|child| (child, around)).collect();
-            open.extend(children.into_iter().rev());
+            let before = open.len();
+            let children = node.children();
+            open.extend(children.map(|child| (child, Some(number), around)));
+            open[before..].reverse();
         }
         self.skins(document)
-    }
-
-    /// The number here of the node that one is in.
-    fn parent_of(&self, node: &gltf::Node<'_>, document: &gltf::Document) -> Option<usize> {
-        let parent = document
-            .nodes()
-            .find(|parent| parent.children().any(|child| child.index() == node.index()))?;
-        self.number_of.get(&parent.index()).copied()
     }
 
     fn camera(&mut self, node: &gltf::Node<'_>, number: usize) {

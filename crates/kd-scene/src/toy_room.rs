@@ -29,7 +29,7 @@ macro_rules! add {
 /// A room with a table, shelves, vases and balls, and a car with turning wheels that drives round the table, seen by a camera
 /// that turns after it: 250 frames in 10 seconds.
 ///
-/// About 7 thousand triangles times the square of `size`, 2 % of which move; `size` is at least 1.
+/// About 3 thousand triangles times the square of `size`, and 2 thousand, 4 to 7 % of which move; `size` is at least 1.
 ///
 /// ```
 /// let room = kd_scene::toy_room(1)?;
