@@ -39,6 +39,16 @@ impl Wave {
             self.paths.push(Path { sample, weight });
         }
     }
+
+    fn len(&self) -> usize {
+        self.rays.len()
+    }
+
+    /// Takes over those of another one.
+    fn append(&mut self, mut other: Self) {
+        self.rays.append(&mut other.rays);
+        self.paths.append(&mut other.paths);
+    }
 }
 
 /// What is seen by each sample of a tile.
@@ -80,9 +90,14 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
         }
         wave = Wave::default();
         if bounce < options.bounces {
+            // Each kind by itself: neighbours of a kind go the same way.
+            let mut refracted = Wave::default();
             for (ray, path, point) in &points {
-                counts += scatter(ray, path, point, &mut wave);
+                scatter(ray, path, point, &mut wave, &mut refracted);
             }
+            counts.mirrored += wave.len() as u64;
+            counts.refracted += refracted.len() as u64;
+            wave.append(refracted);
         }
     }
     (colors, counts)
@@ -139,39 +154,36 @@ fn phong(
 }
 
 /// The rays that go on from a point.
-fn scatter(ray: &Ray, path: &Path, point: &SurfacePoint<'_>, wave: &mut Wave) -> RayCounts {
-    let mut counts = RayCounts::default();
+fn scatter(
+    ray: &Ray,
+    path: &Path,
+    point: &SurfacePoint<'_>,
+    mirrored: &mut Wave,
+    refracted: &mut Wave,
+) {
     let direction = ray.direction.normalize_or_zero();
     let material = point.material;
-    let before = wave.rays.len();
     let mut mirror = material.mirror;
     if material.transmittance > 0.0 {
-        match refracted(direction, point, material.refraction) {
-            Some(refracted) => {
+        match bent(direction, point, material.refraction) {
+            Some(direction) => {
                 let weight = path.weight * material.transmittance;
-                wave.push(Ray::new(point.below(), refracted), path.sample, weight);
-                counts.refracted += (wave.rays.len() - before) as u64;
+                refracted.push(Ray::new(point.below(), direction), path.sample, weight);
             }
             // Nothing gets out: all of it is mirrored.
             None => mirror += material.transmittance,
         }
     }
-    let before = wave.rays.len();
-    let mirrored = direction - 2.0 * direction.dot(point.normal) * point.normal;
+    let back = direction - 2.0 * direction.dot(point.normal) * point.normal;
     // A smooth normal may mirror into the surface.
-    if mirrored.dot(point.flat_normal) > 0.0 {
-        wave.push(
-            Ray::new(point.above(), mirrored),
-            path.sample,
-            path.weight * mirror,
-        );
+    if back.dot(point.flat_normal) > 0.0 {
+        let weight = path.weight * mirror;
+        mirrored.push(Ray::new(point.above(), back), path.sample, weight);
     }
-    counts.mirrored += (wave.rays.len() - before) as u64;
-    counts
 }
 
 /// Where light goes on behind a surface (Snell's law); nowhere if all of it is mirrored.
-fn refracted(direction: Vec3, point: &SurfacePoint<'_>, refraction: f32) -> Option<Vec3> {
+fn bent(direction: Vec3, point: &SurfacePoint<'_>, refraction: f32) -> Option<Vec3> {
     if refraction <= 0.0 || refraction == 1.0 {
         return Some(direction);
     }

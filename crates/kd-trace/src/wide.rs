@@ -21,6 +21,8 @@ mod object_split;
 pub(crate) mod packet;
 pub(crate) mod portable;
 mod queue;
+mod scattered;
+mod sorter;
 mod stack;
 pub(crate) mod tile;
 mod usual;

@@ -178,8 +178,9 @@ impl KdTree {
     ///
     /// Runs of 64 rays, from the first one on, are traced together where they go much the same way: those of a camera,
     /// pixel by pixel in tiles of 8 by 8 or in rows; shadow rays of neighbouring points to one light; parallel rays. Where
-    /// such rays part on their way, they go on one by one, and where rays have nothing in common, sixteen of them take their
-    /// steps in turn. Nothing need be said about it: in the wide layout, batches find out themselves. All work is done on the calling thread.
+    /// such rays part on their way, they go on one by one. What comes back from mirrors is looked through, up to 4096 rays at a
+    /// time, for such as go the same way. Where rays have nothing in common, sixteen of them take their steps in turn. Nothing
+    /// need be said about it: in the wide layout, batches find out themselves. All work is done on the calling thread.
     ///
     /// ```
     /// use kd::glam::Vec3;

@@ -29,7 +29,7 @@ use crate::float::min;
 use crate::lanes::{LANES, Simd};
 use alone::Alone;
 use frustum::Frustum;
-use leaf::{Edges, Range, TERMS, TERMS_FROM_APEX, View};
+use leaf::{Edges, MOST_SPREAD, Range, TERMS, TERMS_FROM_APEX, View};
 use trace::Tracer;
 use waiting::Waiting;
 
@@ -161,10 +161,26 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
         }
     }
 
-    /// Takes up to [`RAYS`] rays, to be traced next; false if they are not alike enough.
+    /// Takes up to [`RAYS`] rays, to be traced next; false if they are not alike enough: if they do not go to the same side, or
+    /// if their slopes are further than `most_spread`, at most [`MOST_SPREAD`], from the central one.
     #[inline(always)]
-    pub(crate) fn gather(&mut self, rays: &[Ray]) -> bool {
-        self.fits && self.tile.gather(self.simd, rays, self.tree.frame())
+    pub(crate) fn gather(&mut self, rays: &[Ray], most_spread: f32) -> bool {
+        self.fits
+            && self
+                .tile
+                .gather(self.simd, rays, most_spread, self.tree.frame())
+    }
+
+    /// As [`gather`](Self::gather), for rays that were no neighbours.
+    #[inline(always)]
+    pub(crate) fn gather_sorted(&mut self, rays: &[Ray]) -> bool {
+        self.alone.expect_parting();
+        self.gather(rays, MOST_SPREAD)
+    }
+
+    /// What the last tile took, roughly in boxes that groups of eight rays were tested against.
+    pub(crate) fn effort(&self) -> u32 {
+        self.alone.effort()
     }
 
     /// The closest hits of the rays that have been gathered.

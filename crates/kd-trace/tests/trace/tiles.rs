@@ -170,6 +170,74 @@ fn neighbours_that_end_where_they_hit() {
     assert!(hits > 5000, "{hits} hits");
 }
 
+/// Rays that go the same way as others that are no neighbours, as behind curved mirrors.
+#[test]
+fn rays_that_are_alike_but_apart() {
+    let mut rng = Rng(76);
+    for (scene, mesh) in scenes::all() {
+        let trees = levels(&mesh);
+        let mut hits = 0;
+        for round in 0..40 {
+            // Pieces of bundles, one after the other or in turn.
+            let width = rng.pick(&[0.05, 0.2, 1.0, 3.0]);
+            let bundles: Vec<Vec<Ray>> = (0..1 + round % 4)
+                .map(|_| bundle(rng.pick(&BUNDLES), 160, width, &mesh, &mut rng))
+                .collect();
+            let piece = rng.pick(&[1, 5, 40]);
+            let mut rays: Vec<Ray> = (0..160 / piece)
+                .flat_map(|i| bundles.iter().map(move |rays| &rays[i * piece..][..piece]))
+                .flatten()
+                .copied()
+                .collect();
+            for _ in 0..round % 5 {
+                let place = rng.below(rays.len());
+                let ray = &mut rays[place];
+                *ray = rng.pick(&[
+                    ray.with_mask(0),
+                    ray.with_range(-1.0, 0.5),
+                    Ray::new(ray.origin, Vec3::ZERO),
+                    Ray::new(Vec3::NAN, ray.direction),
+                    Ray::new(ray.origin, Vec3::INFINITY),
+                ]);
+            }
+            hits += check(scene, &mesh, &trees, &rays);
+        }
+        assert!(hits > 200 || mesh.is_empty(), "{scene}: {hits} hits");
+    }
+}
+
+/// Rays from near a surface to corners and edges on all sides, so that those of a tile are up to half a right angle apart.
+#[test]
+fn rays_on_all_sides_that_nearly_miss() {
+    let mut rng = Rng(77);
+    for (scene, mesh) in scenes::all() {
+        if mesh.is_empty() {
+            continue;
+        }
+        let trees = levels(&mesh);
+        let size = mesh.bounds().extent().max_element();
+        for _ in 0..6 {
+            let from = mesh.bounds().center() + 0.5 * size * rng.vec3();
+            let near = rng.pick(&[0.0, 1e-3, 0.1]);
+            let mut rays = Vec::new();
+            for _ in 0..60 {
+                let triangle = u32::try_from(rng.below(mesh.len())).expect("small");
+                let [a, b, c] = mesh.corners(triangle);
+                let start = from + near * size * rng.vec3();
+                for to in [
+                    a,
+                    a.lerp(b, 0.5),
+                    b.lerp(c, 0.25),
+                    c.lerp(a, 0.4).lerp(b, 0.3),
+                ] {
+                    rays.extend([Ray::new(start, to - start), Ray::between(to, start)]);
+                }
+            }
+            check(scene, &mesh, &trees, &rays);
+        }
+    }
+}
+
 /// Some of a tile that cannot hit anything, go the other way, begin behind themselves or are of another length.
 #[test]
 fn odd_ones_among_neighbours() {

@@ -10,6 +10,9 @@ use super::RAYS;
 /// Work from which on a tile looks whether it pays: more than that of rays that stay together.
 const PATIENCE: u32 = 48;
 
+/// What a ray takes that goes on alone.
+const WALK: u32 = 2;
+
 /// The rays of a tile, each prepared when it is first needed.
 pub(super) struct Alone<R, F> {
     prepare: F,
@@ -20,6 +23,10 @@ pub(super) struct Alone<R, F> {
     work: u32,
     /// How much of it there was at the beginning: as if more had been done, where the last tile was wary.
     begin: u32,
+    /// How often a ray of the tile went on alone.
+    walks: u32,
+    /// What the last tile took, in the same unit.
+    effort: u32,
 }
 
 impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
@@ -30,6 +37,8 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
             ready: 0,
             work: 0,
             begin: 0,
+            walks: 0,
+            effort: 0,
         }
     }
 
@@ -38,16 +47,28 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
     pub(super) fn begin(&mut self) {
         self.ready = 0;
         self.work = self.begin;
+        self.walks = 0;
     }
 
     /// The tile is done.
     #[inline(always)]
     pub(super) fn end(&mut self) {
+        self.effort = self.work - self.begin + WALK * self.walks;
         self.begin = if self.work > PATIENCE {
             PATIENCE / 2
         } else {
             0
         };
+    }
+
+    /// What the last tile took, roughly in boxes that groups were tested against.
+    pub(super) fn effort(&self) -> u32 {
+        self.effort
+    }
+
+    /// The next tile is wary sooner.
+    pub(super) fn expect_parting(&mut self) {
+        self.begin = PATIENCE / 2;
     }
 
     #[inline(always)]
@@ -65,6 +86,7 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
     /// One of the rays of the tile; `None` if it cannot hit anything.
     #[inline(always)]
     pub(super) fn ray(&mut self, number: usize, rays: &[Ray]) -> Option<&R> {
+        self.walks += 1;
         if self.rays.is_empty() {
             self.rays.resize_with(RAYS, || None);
         }

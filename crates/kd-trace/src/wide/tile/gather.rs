@@ -6,7 +6,7 @@
 use kd_core::{Axis, Ray};
 
 use super::frustum::Apex;
-use super::leaf::{MOST_SPREAD, View};
+use super::leaf::View;
 use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile};
 use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task, least, most};
 use crate::planes::Frame;
@@ -23,6 +23,7 @@ struct Gather<'a, S> {
     simd: S,
     tile: &'a mut Tile,
     rays: &'a [Ray],
+    most_spread: f32,
     frame: &'a Frame,
 }
 
@@ -32,7 +33,8 @@ impl<S: Simd> Task for Gather<'_, S> {
 
     #[inline(always)]
     fn run(self) -> bool {
-        self.tile.gather_with(self.simd, self.rays, self.frame)
+        self.tile
+            .gather_with(self.simd, self.rays, self.most_spread, self.frame)
     }
 }
 
@@ -40,19 +42,32 @@ impl Tile {
     /// Takes up to 64 rays; false if they are not alike enough.
     ///
     /// What is asked: that they move most on the same axis, and the same way; that their slopes differ by no more than
-    /// [`MOST_SPREAD`] from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more. The frame
+    /// `most_spread`, at most [`MOST_SPREAD`](super::leaf::MOST_SPREAD), from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more. The frame
     /// must [fit](crate::wide::usual::fits).
-    pub(super) fn gather<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
+    pub(super) fn gather<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: &[Ray],
+        most_spread: f32,
+        frame: &Frame,
+    ) -> bool {
         simd.apart(Gather {
             simd,
             tile: self,
             rays,
+            most_spread,
             frame,
         })
     }
 
     #[inline(always)]
-    fn gather_with<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &Frame) -> bool {
+    fn gather_with<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: &[Ray],
+        most_spread: f32,
+        frame: &Frame,
+    ) -> bool {
         debug_assert!(!rays.is_empty() && rays.len() <= RAYS, "a tile");
         let first = &rays[0];
         let along = steepest_axis(first.direction);
@@ -72,7 +87,7 @@ impl Tile {
         let of_all = [slopes[0].of_all(), slopes[1].of_all()];
         let center = of_all.map(|[lo, hi]| 0.5 * (lo + hi));
         let spread = (of_all[0][1] - center[0]).max(of_all[1][1] - center[1]) * MORE;
-        if spread > MOST_SPREAD {
+        if spread > most_spread {
             return false;
         }
         let mut at = axes.map(|axis| first.origin[axis]);
@@ -383,7 +398,7 @@ mod tests {
             ("to a lamp", &lamp, false),
         ] {
             let mut tile = Tile::new();
-            assert!(tile.gather(Portable, rays, &frame), "{what}");
+            assert!(tile.gather(Portable, rays, 0.25, &frame), "{what}");
             assert_eq!(tile.is_apex, is_apex, "{what}");
         }
 
@@ -403,7 +418,7 @@ mod tests {
             tiles.push((what, rays));
         }
         for (what, rays) in tiles {
-            assert!(!Tile::new().gather(Portable, &rays, &frame), "{what}");
+            assert!(!Tile::new().gather(Portable, &rays, 0.25, &frame), "{what}");
         }
         let huge = Frame::new(&Aabb::around([Vec3::splat(-9e15), Vec3::splat(9e15)]));
         assert!(!fits(&huge), "products would overflow");
