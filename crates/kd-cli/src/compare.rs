@@ -8,6 +8,7 @@ use comfy_table::{CellAlignment, LineStyle, Table, TableStyle};
 use kd::{CostModel, KdTree, Strategy};
 use kd_render::{RenderOptions, Stage, render};
 
+use crate::say::say;
 use crate::scene::{Builder, SceneArgs, Size};
 
 /// Which scene, and which builders.
@@ -96,6 +97,8 @@ pub(crate) fn run(arguments: &CompareArgs) -> anyhow::Result<()> {
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }
-    println!("{table}\none measurement each; the pictures are the same");
+    say(format_args!(
+        "{table}\none measurement each; the pictures are the same"
+    ))?;
     Ok(())
 }

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use kd::{KdTree, Mesh};
 
+use crate::say::say;
 use crate::scene::{Builder, SceneArgs};
 
 /// What to write, and where.
@@ -59,7 +60,7 @@ fn mesh(arguments: &SceneArgs) -> anyhow::Result<Mesh> {
 }
 
 fn told(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
-    println!("{}: {} triangles", path.display(), mesh.len());
+    say(format_args!("{}: {} triangles", path.display(), mesh.len()))?;
     Ok(())
 }
 

@@ -1,15 +1,12 @@
 //! `kd`: pictures of scenes, what their trees are like, and other formats.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a program for the command line"
-)]
+#![allow(clippy::print_stderr, reason = "a program for the command line")]
 #![forbid(unsafe_code)]
 
 mod animation;
 mod compare;
 mod convert;
 mod render;
+mod say;
 mod scene;
 mod stats;
 

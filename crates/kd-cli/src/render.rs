@@ -16,6 +16,7 @@ use kd_render::{
 };
 
 use crate::animation::Output;
+use crate::say::say;
 use crate::scene::{Builder, SceneArgs, Size, time_of};
 
 /// What to make a picture of, and how.
@@ -151,7 +152,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
     let written = output.finish()?;
     let seconds = start.elapsed();
     let tracing = seconds - ready - updates;
-    println!(
+    say(format_args!(
         "{}: {} triangles, {} frame{} of {}x{}",
         written.display(),
         stage
@@ -168,15 +169,15 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
         if frames.len() == 1 { "" } else { "s" },
         size.width,
         size.height,
-    );
-    println!(
+    ))?;
+    say(format_args!(
         "{:.2} s until the first ray, {:.3} s for updates, {:.2} s for pictures",
         ready.as_secs_f64(),
         updates.as_secs_f64(),
         tracing.as_secs_f64()
-    );
+    ))?;
     if rays.total() > 0 {
-        println!(
+        say(format_args!(
             "{:.2} million rays a second: {} primary, {} shadow, {} mirrored, {} refracted, {} diffuse",
             rays.total() as f64 / tracing.as_secs_f64() * 1e-6,
             rays.primary,
@@ -184,7 +185,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
             rays.mirrored,
             rays.refracted,
             rays.diffuse,
-        );
+        ))?;
     }
     Ok(())
 }
@@ -206,18 +207,18 @@ fn picture(
     match view {
         Some(View::Heat) => {
             let heat = heat_map(&tree()?, &camera, size);
-            println!(
+            say(format_args!(
                 "steps of a ray: {:.1} on average, {} where it is brightest",
                 heat.mean, heat.brightest
-            );
+            ))?;
             Ok((heat.picture, RayCounts::default()))
         }
         Some(View::Depth) => {
             let depths = leaf_depths(&tree()?, &camera, size);
-            println!(
+            say(format_args!(
                 "levels above a leaf: {:.1} on average, {} where it is brightest",
                 depths.mean, depths.brightest
-            );
+            ))?;
             Ok((depths.picture, RayCounts::default()))
         }
         Some(View::Boxes) | None => {

@@ -4,6 +4,7 @@ use clap::Args;
 use kd::KdTree;
 use kd_scene::{SceneDescription, TextureSource};
 
+use crate::say::say;
 use crate::scene::{Builder, SceneArgs};
 
 /// Of which scene.
@@ -23,13 +24,13 @@ pub(crate) fn run(arguments: &StatsArgs) -> anyhow::Result<()> {
         eprintln!("warning: {warning}");
     }
     let time = arguments.scene.time(&scene)?;
-    print!("{}", description(&scene, time));
+    say(format_args!("{}", description(&scene, time).trim_end()))?;
     let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
-    println!(
+    say(format_args!(
         "tree by {}, of everything at {time} s:\n{}",
         arguments.builder.name(),
         tree.stats()
-    );
+    ))?;
     Ok(())
 }
 

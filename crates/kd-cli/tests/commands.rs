@@ -30,6 +30,22 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
     errors
 }
 
+/// As by `kd stats room | head -1`.
+#[test]
+fn nobody_need_read_what_is_printed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut run = Command::new(env!("CARGO_BIN_EXE_kd"));
+    let run = run
+        .args(["stats", "room:1"])
+        .current_dir(&folder)
+        .stdout(writer);
+    let output = run.output().expect("it can be started");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && errors.is_empty(), "{errors}");
+}
+
 #[test]
 fn an_obj_file_is_a_picture_with_one_command() {
     let folder = tempfile::tempdir().expect("a folder");

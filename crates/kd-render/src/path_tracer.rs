@@ -45,7 +45,7 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
     for bounce in 0..=options.bounces {
         let mut hits = vec![None; rays.len()];
         tracer.intersect(&rays, &mut hits);
-        let mut shadows = Shadows::default();
+        let mut shadows = Shadows::with_capacity(rays.len());
         let (mut next_rays, mut next_paths) = (Vec::new(), Vec::new());
         for ((ray, mut path), hit) in rays.iter().zip(paths).zip(&hits) {
             let Some(hit) = hit else {

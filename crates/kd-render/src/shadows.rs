@@ -9,13 +9,20 @@ use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
 /// Rays to lights, which are asked together, and what each adds to which sample if it gets there.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Shadows {
     rays: Vec<Ray>,
     lit: Vec<(usize, Vec3)>,
 }
 
 impl Shadows {
+    pub(crate) fn with_capacity(rays: usize) -> Self {
+        Self {
+            rays: Vec::with_capacity(rays),
+            lit: Vec::with_capacity(rays),
+        }
+    }
+
     pub(crate) fn push(
         &mut self,
         point: &SurfacePoint<'_>,

@@ -1,6 +1,6 @@
 //! What a ray meets: a point, its normals, and its colours.
 
-use kd::glam::{Vec2, Vec3, Vec3A};
+use kd::glam::{DVec3, Vec2, Vec3, Vec3A};
 use kd::{Ray, offset_origin};
 use kd_scene::{Material, Surface};
 
@@ -24,6 +24,7 @@ pub(crate) struct SurfacePoint<'a> {
 
 impl<'a> SurfacePoint<'a> {
     /// Nothing for triangles without area, which have no side.
+    #[inline]
     pub(crate) fn new(
         stage: &'a Stage,
         with_textures: bool,
@@ -33,10 +34,12 @@ impl<'a> SurfacePoint<'a> {
         let part = &stage.description().parts[hit.part];
         let shown = stage.shown(hit.part);
         let triangle = hit.hit.triangle as usize;
-        let flat_normal = shown.mesh.normal(hit.hit.triangle);
-        if flat_normal == Vec3::ZERO {
-            return None;
-        }
+        let corners = shown
+            .mesh
+            .corners(hit.hit.triangle)
+            .map(|corner| corner.as_dvec3());
+        let [a, b, c] = corners;
+        let flat_normal = (b - a).cross(c - a).try_normalize()?.as_vec3();
         let weights = Vec3::new(1.0 - hit.hit.u - hit.hit.v, hit.hit.u, hit.hit.v);
         let normals = if shown.morphed_normals.is_empty() {
             &part.surface.normals
@@ -64,7 +67,7 @@ impl<'a> SurfacePoint<'a> {
             normal = (normal - normal.project_onto(ray.direction)).normalize_or(flat_normal);
         }
         Some(Self {
-            at: corner_blend(shown.mesh.corners(hit.hit.triangle), weights),
+            at: blend(corners, weights),
             flat_normal,
             normal,
             is_outside,
@@ -88,12 +91,13 @@ impl<'a> SurfacePoint<'a> {
     }
 }
 
-fn corner_blend(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
-    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+#[inline]
+fn blend([a, b, c]: [DVec3; 3], weights: Vec3) -> Vec3 {
     let weights = weights.as_dvec3();
     (weights.x * a + weights.y * b + weights.z * c).as_vec3()
 }
 
+#[inline]
 fn texture_at(stage: &Stage, surface: &Surface, triangle: usize, weights: Vec3) -> Vec3 {
     let number = surface.textures.get(triangle).copied();
     let texture = number.and_then(|number| stage.texture(number));

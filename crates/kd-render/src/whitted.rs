@@ -32,7 +32,22 @@ struct Wave {
     paths: Vec<Path>,
 }
 
+/// What a ray of a wave meets.
+#[derive(Debug)]
+struct Seen<'a> {
+    /// The number of the ray.
+    number: usize,
+    point: SurfacePoint<'a>,
+}
+
 impl Wave {
+    fn with_capacity(rays: usize) -> Self {
+        Self {
+            rays: Vec::with_capacity(rays),
+            paths: Vec::with_capacity(rays),
+        }
+    }
+
     fn push(&mut self, ray: Ray, sample: usize, weight: Vec3) {
         if weight.max_element() >= LEAST_WEIGHT {
             self.rays.push(ray);
@@ -74,31 +89,35 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
         let mut hits = vec![None; wave.rays.len()];
         tracer.intersect(&wave.rays, &mut hits);
         let mut points = Vec::with_capacity(hits.len());
-        for ((ray, path), hit) in wave.rays.iter().zip(&wave.paths).zip(&hits) {
+        for (number, hit) in hits.iter().enumerate() {
+            let path = wave.paths[number];
             let Some(hit) = hit else {
                 colors[path.sample] += path.weight * stage.description().background;
                 continue;
             };
+            let ray = &wave.rays[number];
             if let Some(point) = SurfacePoint::new(stage, options.textures, ray, hit) {
                 let ambient = stage.description().ambient * point.material.ambient;
                 colors[path.sample] += path.weight * ambient * point.texture;
-                points.push((*ray, *path, point));
+                points.push(Seen { number, point });
             }
         }
         for light in lights {
-            light_up(*tracer, light, &points, &mut colors, &mut counts);
+            light_up(*tracer, light, &wave, &points, &mut colors, &mut counts);
         }
-        wave = Wave::default();
-        if bounce < options.bounces {
-            // Each kind by itself: neighbours of a kind go the same way.
-            let mut refracted = Wave::default();
-            for (ray, path, point) in &points {
-                scatter(ray, path, point, &mut wave, &mut refracted);
-            }
-            counts.mirrored += wave.len() as u64;
-            counts.refracted += refracted.len() as u64;
-            wave.append(refracted);
+        if bounce == options.bounces {
+            break;
         }
+        // Each kind by itself: neighbours of a kind go the same way.
+        let mut mirrored = Wave::with_capacity(points.len());
+        let mut refracted = Wave::default();
+        for seen in &points {
+            scatter(&wave, seen, &mut mirrored, &mut refracted);
+        }
+        counts.mirrored += mirrored.len() as u64;
+        counts.refracted += refracted.len() as u64;
+        mirrored.append(refracted);
+        wave = mirrored;
     }
     (colors, counts)
 }
@@ -107,12 +126,14 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
 fn light_up(
     tracer: &impl Tracer,
     light: &ShownLight,
-    points: &[(Ray, Path, SurfacePoint<'_>)],
+    wave: &Wave,
+    points: &[Seen<'_>],
     colors: &mut [Vec3],
     counts: &mut RayCounts,
 ) {
-    let mut shadows = Shadows::default();
-    for (ray, path, point) in points {
+    let mut shadows = Shadows::with_capacity(points.len());
+    for Seen { number, point } in points {
+        let (ray, path) = (&wave.rays[*number], &wave.paths[*number]);
         let to_light = (light.position - point.at).normalize_or_zero();
         if to_light.dot(point.flat_normal) <= 0.0 {
             continue;
@@ -154,13 +175,9 @@ fn phong(
 }
 
 /// The rays that go on from a point.
-fn scatter(
-    ray: &Ray,
-    path: &Path,
-    point: &SurfacePoint<'_>,
-    mirrored: &mut Wave,
-    refracted: &mut Wave,
-) {
+fn scatter(wave: &Wave, seen: &Seen<'_>, mirrored: &mut Wave, refracted: &mut Wave) {
+    let Seen { number, point } = seen;
+    let (ray, path) = (&wave.rays[*number], &wave.paths[*number]);
     let direction = ray.direction.normalize_or_zero();
     let material = point.material;
     let mut mirror = material.mirror;

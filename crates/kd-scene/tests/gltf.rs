@@ -246,6 +246,50 @@ fn strips_and_fans_are_triangles() {
     }
 }
 
+/// Positions, some of which are told apart from the others, which are told or zero.
+#[test]
+fn sparse_values_replace_others() {
+    let file = |base: bool, count: usize, place: u16| {
+        let mut file = File::default();
+        let positions = file.floats("VEC3", 3, &TRIANGLE);
+        let indices = file.indices(&[0, 1, 2]);
+        let places = file.indices(&[1, place]);
+        let others = file.floats("VEC3", 3, &[5.0, 0.0, 0.0, 0.0, 7.0, 0.0]);
+        let view = |accessor: usize| file.accessors[accessor]["bufferView"].clone();
+        let sparse = json!({
+            "count": 2,
+            "indices": { "bufferView": view(places), "componentType": 5123 },
+            "values": { "bufferView": view(others) },
+        });
+        if !base {
+            file.accessors[positions]
+                .as_object_mut()
+                .expect("an object")
+                .remove("bufferView");
+        }
+        file.accessors[positions]["sparse"] = sparse;
+        file.accessors[positions]["count"] = json!(count);
+        read(&file.finish(json!({
+            "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions }, "indices": indices }] }],
+        })))
+    };
+    let first = Vec3::from_slice(&TRIANGLE);
+    for (base, first) in [(true, first), (false, Vec3::ZERO)] {
+        let scene = file(base, 3, 2).expect("it is as it should be");
+        let corners = scene.parts[0].mesh.corners(0);
+        assert_eq!(corners, [first, 5.0 * Vec3::X, 7.0 * Vec3::Y], "{base}");
+    }
+    for (base, count, place, problem) in [
+        (true, 3, 3, "it replaces a value that it has not"),
+        (false, 1 << 40, 2, "it is too long"),
+        (true, 4, 2, "it is not within its view"),
+    ] {
+        let error = file(base, count, place).expect_err(problem).to_string();
+        assert!(error.ends_with(problem), "{error}");
+    }
+}
+
 #[test]
 fn what_is_wrong_is_told() {
     let mesh = |file: File, positions: usize, indices: usize| {

@@ -3,7 +3,9 @@
 //! The crate that reads the rest has readers for them too, which rely on counts, offsets and kinds fitting together. Files need
 //! not keep to that.
 
-use gltf::json::accessor::{ComponentType, GenericComponentType};
+use gltf::json::accessor::sparse::Sparse;
+use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentType};
+use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Accessor, Index, Root};
 
@@ -40,21 +42,41 @@ impl Accessors<'_> {
         if kind.multiplicity() != N {
             return Err("its values are of another kind");
         }
-        if accessor.sparse.is_some() {
-            return Err("it is sparse, which is not read");
+        let count = usize::try_from(accessor.count.0).map_err(|_| TOO_LONG)?;
+        let kind = Kind {
+            component,
+            are_parts: are_parts || accessor.normalized,
+        };
+        let mut values = match accessor.buffer_view {
+            Some(view) => {
+                let start = accessor.byte_offset.map_or(0, |offset| offset.0);
+                self.values(view, start, count, kind)?
+            }
+            None if accessor.sparse.is_none() => return Err("it has no bytes"),
+            // Zeros take no bytes in the file, so a short one can ask for any number of them.
+            None if count > self.buffers.bytes() => return Err(TOO_LONG),
+            None => vec![[0.0; N]; count],
+        };
+        if let Some(sparse) = &accessor.sparse {
+            self.replace(&mut values, sparse, kind)?;
         }
-        let count = usize::try_from(accessor.count.0).map_err(|_| "it is too long")?;
-        let view = accessor.buffer_view.ok_or("it has no bytes")?;
-        let view = self
-            .root
-            .buffer_views
-            .get(view.value())
-            .ok_or("its view is not there")?;
+        Ok(values)
+    }
+
+    /// Values from somewhere in a view.
+    fn values<const N: usize>(
+        &self,
+        view: Index<View>,
+        start: u64,
+        count: usize,
+        kind: Kind,
+    ) -> Result<Vec<[f64; N]>, &'static str> {
+        let view = self.root.buffer_views.get(view.value());
+        let view = view.ok_or("its view is not there")?;
         let bytes = self.buffers.of_view(view);
         let bytes = bytes.ok_or("its view is not within its buffer")?;
-        let size = component.size();
+        let size = kind.component.size();
         let stride = view.byte_stride.map_or(N * size, |stride| stride.0);
-        let start = accessor.byte_offset.map_or(0, |offset| offset.0);
         let start = usize::try_from(start).map_err(|_| "it begins too far on")?;
         let needed = match count {
             0 => 0,
@@ -66,26 +88,69 @@ impl Accessors<'_> {
         if stride < N * size || needed > bytes.len() {
             return Err("it is not within its view");
         }
-        let are_parts = are_parts || accessor.normalized;
         let value = |i: usize| {
             std::array::from_fn(|k| {
                 let at = start + i * stride + k * size;
-                number(&bytes[at..at + size], component, are_parts)
+                number(&bytes[at..at + size], kind)
             })
         };
         Ok((0..count).map(value).collect())
     }
+
+    /// Puts other values in the place of some (glTF 2.0, §3.6.2.3).
+    fn replace<const N: usize>(
+        &self,
+        values: &mut [[f64; N]],
+        sparse: &Sparse,
+        kind: Kind,
+    ) -> Result<(), &'static str> {
+        let count = usize::try_from(sparse.count.0).map_err(|_| TOO_LONG)?;
+        let Checked::Valid(IndexComponentType(component)) = sparse.indices.component_type else {
+            return Err("its kind is not known");
+        };
+        let whole = Kind {
+            component,
+            are_parts: false,
+        };
+        let Sparse {
+            indices,
+            values: others,
+            ..
+        } = sparse;
+        let places = self.values(indices.buffer_view, indices.byte_offset.0, count, whole)?;
+        let others = self.values(others.buffer_view, others.byte_offset.0, count, kind)?;
+        for ([place], other) in places.into_iter().zip(others) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "it comes from at most 32 bits, without a sign"
+            )]
+            let value = values.get_mut(place as usize);
+            *value.ok_or("it replaces a value that it has not")? = other;
+        }
+        Ok(())
+    }
 }
 
-fn number(bytes: &[u8], component: ComponentType, is_part: bool) -> f64 {
+const TOO_LONG: &str = "it is too long";
+
+/// What bytes mean.
+#[derive(Clone, Copy)]
+struct Kind {
+    component: ComponentType,
+    /// Integers are parts of their greatest.
+    are_parts: bool,
+}
+
+fn number(bytes: &[u8], kind: Kind) -> f64 {
     let part = |number: f64, greatest: f64| {
-        if is_part {
+        if kind.are_parts {
             (number / greatest).max(-1.0)
         } else {
             number
         }
     };
-    match (component, bytes) {
+    match (kind.component, bytes) {
         (ComponentType::I8, [a]) => part(f64::from(i8::from_le_bytes([*a])), f64::from(i8::MAX)),
         (ComponentType::U8, [a]) => part(f64::from(*a), f64::from(u8::MAX)),
         (ComponentType::I16, [a, b]) => {

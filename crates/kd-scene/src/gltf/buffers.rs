@@ -88,6 +88,11 @@ impl Buffers {
         let length = usize::try_from(view.byte_length.0).ok()?;
         buffer.get(start..start.checked_add(length)?)
     }
+
+    /// How many bytes there are in all.
+    pub(super) fn bytes(&self) -> usize {
+        self.0.iter().map(Vec::len).sum()
+    }
 }
 
 /// The bytes in a `data:` URI; `None` if it is none, `Some(None)` if they are not as they should be.
