@@ -2,6 +2,7 @@
 
 mod accessors;
 mod buffers;
+mod container;
 mod material;
 mod motion;
 
@@ -22,6 +23,7 @@ use crate::{
 };
 use accessors::Accessors;
 use buffers::Buffers;
+use container::Container;
 
 /// Reads a glTF file, `.gltf` or `.glb`, and the files that it names.
 ///
@@ -40,13 +42,13 @@ pub fn read_gltf(
 ) -> Result<SceneDescription, LoadError> {
     let file = path.display().to_string();
     let bytes = opened(path, files)?;
-    let broken = |error: gltf::Error| LoadError::BadHeader {
+    let broken = |problem: String| LoadError::BadHeader {
         file: file.clone(),
-        problem: error.to_string(),
+        problem,
     };
-    let gltf::Gltf { document, blob } =
-        gltf::Gltf::from_slice_without_validation(&bytes).map_err(broken)?;
-    let json = document.into_json();
+    let Container { json, blob } =
+        Container::read(&bytes).map_err(|problem| broken(problem.to_owned()))?;
+    let json = gltf::json::Root::from_slice(json).map_err(|error| broken(error.to_string()))?;
     // The crate's own check looks at these before it knows that they are there.
     let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let mut attributes = primitives.flat_map(|primitive| primitive.attributes.values());
@@ -58,7 +60,7 @@ pub fn read_gltf(
             problem: "it is not there".to_owned(),
         });
     }
-    let document = gltf::Document::from_json(json).map_err(broken)?;
+    let document = gltf::Document::from_json(json).map_err(|error| broken(error.to_string()))?;
     let buffers = Buffers::read(&document, blob, path, files)?;
     let mut reader = Reader {
         file,

@@ -246,6 +246,48 @@ fn strips_and_fans_are_triangles() {
     }
 }
 
+#[test]
+fn binary_files_are_read_as_others() {
+    let mut file = moving();
+    let expected = read(&file).expect("text");
+    let uri = file["buffers"][0]
+        .as_object_mut()
+        .expect("an object")
+        .remove("uri");
+    let uri = uri.expect("the bytes");
+    let (_, encoded) = uri.as_str().expect("text").split_once(',').expect("data");
+    let mut json = file.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let bytes = STANDARD.decode(encoded).expect("base64");
+    let word = |number: usize| u32::try_from(number).expect("short").to_le_bytes();
+    let length = word(28 + json.len() + bytes.len());
+    let parts: [&[u8]; 8] = [
+        b"glTF\x02\0\0\0",
+        &length,
+        &word(json.len()),
+        b"JSON",
+        &json,
+        &word(bytes.len()),
+        b"BIN\0",
+        &bytes,
+    ];
+    let binary = parts.concat();
+    let scene = read_bytes(binary.clone()).expect("binary");
+    assert_eq!(scene.parts.len(), expected.parts.len());
+    for (part, other) in scene.parts.iter().zip(&expected.parts) {
+        assert_eq!(part.mesh.positions(), other.mesh.positions());
+        assert_eq!(part.surface, other.surface);
+    }
+    // It may end anywhere.
+    for end in 0..binary.len() {
+        assert!(read_bytes(binary[..end].to_vec()).is_err(), "{end} bytes");
+    }
+    // A header that says less than there must be.
+    let mut short = binary;
+    short[8..12].fill(0);
+    assert!(read_bytes(short).is_ok(), "its pieces tell how long it is");
+}
+
 /// Positions, some of which are told apart from the others, which are told or zero.
 #[test]
 fn sparse_values_replace_others() {

@@ -19,7 +19,7 @@ pub(super) struct Buffers(Vec<Vec<u8>>);
 impl Buffers {
     pub(super) fn read(
         document: &gltf::Document,
-        mut blob: Option<Vec<u8>>,
+        mut blob: Option<&[u8]>,
         path: &Path,
         files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
     ) -> Result<Self, LoadError> {
@@ -36,6 +36,7 @@ impl Buffers {
             let bytes = match buffer.source() {
                 Source::Bin => blob
                     .take()
+                    .map(<[u8]>::to_vec)
                     .ok_or_else(|| bad(index, "there is none in the file".into()))?,
                 Source::Uri(uri) => match inline(uri) {
                     Some(bytes) => bytes.ok_or_else(|| bad(index, "it is not base64".into()))?,

@@ -1,0 +1,85 @@
+//! Binary glTF: what is text, and the bytes behind it (glTF 2.0, §4.4).
+
+/// The text of a file, and the bytes that it has with it.
+#[derive(Debug)]
+pub(super) struct Container<'a> {
+    pub(super) json: &'a [u8],
+    pub(super) blob: Option<&'a [u8]>,
+}
+
+impl<'a> Container<'a> {
+    /// A file that does not begin as a binary one is all text.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with it.
+    pub(super) fn read(bytes: &'a [u8]) -> Result<Self, &'static str> {
+        let Some(rest) = bytes.strip_prefix(b"glTF") else {
+            return Ok(Self {
+                json: bytes,
+                blob: None,
+            });
+        };
+        let cut = "a binary file that ends in its header";
+        let (version, rest) = number(rest).ok_or(cut)?;
+        if version != 2 {
+            return Err("a binary file of another version than 2");
+        }
+        // How long the file is, which its pieces tell too.
+        let (_, rest) = number(rest).ok_or(cut)?;
+        let (kind, json, rest) = chunk(rest).ok_or(cut)?;
+        if kind != *b"JSON" {
+            return Err("a binary file that does not begin with text");
+        }
+        let blob = match chunk(rest) {
+            Some((kind, blob, _)) if kind == *b"BIN\0" => Some(blob),
+            _ => None,
+        };
+        Ok(Self { json, blob })
+    }
+}
+
+fn number(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    let (number, rest) = bytes.split_first_chunk()?;
+    Some((u32::from_le_bytes(*number), rest))
+}
+
+/// A piece, what kind it is of, and what follows.
+fn chunk(bytes: &[u8]) -> Option<([u8; 4], &[u8], &[u8])> {
+    let (length, rest) = number(bytes)?;
+    let (kind, rest) = rest.split_first_chunk()?;
+    let (piece, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;
+    Some((*kind, piece, rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_found() {
+        let mut file = b"glTF\x02\0\0\0\xff\0\0\0".to_vec();
+        for (kind, piece) in [
+            (b"JSON", &b"{}  "[..]),
+            (b"BIN\0", b"1234567"),
+            (b"more", b""),
+        ] {
+            file.extend(u32::try_from(piece.len()).expect("short").to_le_bytes());
+            file.extend(kind);
+            file.extend(piece);
+        }
+        let found = Container::read(&file).expect("whole");
+        assert_eq!(
+            (found.json, found.blob),
+            (&b"{}  "[..], Some(&b"1234567"[..]))
+        );
+        let without = Container::read(&file[..24]).expect("text alone");
+        assert_eq!((without.json, without.blob), (&b"{}  "[..], None));
+        for end in 4..24 {
+            assert!(Container::read(&file[..end]).is_err(), "{end} bytes");
+        }
+        file[4] = 1;
+        let error = Container::read(&file).expect_err("version 1");
+        assert_eq!(error, "a binary file of another version than 2");
+    }
+}
