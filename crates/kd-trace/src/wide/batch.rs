@@ -19,7 +19,7 @@ const FEWEST_IN_TURN: usize = 64;
 /// So many rays are looked at together.
 const WINDOW: usize = 4096;
 
-/// Neighbours whose slopes are further from their central one are sorted first. (From a hundredth on it makes no difference.)
+/// Neighbours whose slopes are further from their central one are sorted first. (A fortieth of it was as fast, and more.)
 const SPREAD_OF_NEIGHBOURS: f32 = 0.25;
 
 /// The closest hit of each ray.
