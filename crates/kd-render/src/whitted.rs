@@ -32,14 +32,6 @@ struct Wave {
     paths: Vec<Path>,
 }
 
-/// What a ray of a wave meets.
-#[derive(Debug)]
-struct Seen<'a> {
-    /// The number of the ray.
-    number: usize,
-    point: SurfacePoint<'a>,
-}
-
 impl Wave {
     fn with_capacity(rays: usize) -> Self {
         Self {
@@ -64,6 +56,14 @@ impl Wave {
         self.rays.append(&mut other.rays);
         self.paths.append(&mut other.paths);
     }
+}
+
+/// What a ray of a wave meets.
+#[derive(Debug)]
+struct Seen<'a> {
+    /// The number of the ray.
+    number: usize,
+    point: SurfacePoint<'a>,
 }
 
 /// What is seen by each sample of a tile.
