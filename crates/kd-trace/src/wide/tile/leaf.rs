@@ -46,7 +46,8 @@ use crate::block::Block;
 use crate::lanes::{F32x8, LANES, Mask, Number, Simd};
 
 /// Slopes of a tile's rays from its central one: as far as they can be on a side of the cube. (Of 64 rays of a side, 237 ns
-/// for 457 alone; within a quarter of it, 155 for 445. Mirrored rays in BART kitchen, 2026-11-28.)
+/// for 457 alone; within a quarter of it, 155 for 445. Mirrored rays in BART kitchen; throw-away
+/// program, 2026-11-28.)
 pub(super) const MOST_SPREAD: f32 = 1.0;
 
 /// Numbers that tell a ray from the central one: a, b, c, d, bc - ad.
