@@ -16,7 +16,7 @@ use crate::wide::node::{Child, WIDTH, WideNode};
 use crate::wide::walk::{WideRay, walk_at};
 
 /// So few rays are faster one by one.
-const FEW: u32 = 8;
+const FEW: u32 = 4;
 
 /// Traces the rays that were gathered in a tile: up to 64.
 pub(super) struct Tracer<'a, S, R, F, const ANY: bool, const TERMS: usize> {
