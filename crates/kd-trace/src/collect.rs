@@ -5,18 +5,14 @@ use std::ops::ControlFlow;
 use kd_core::Hit;
 
 /// Takes the hits that a traversal finds, in any order, the same one possibly several times.
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    allow(dead_code, reason = "only what is written for AVX2 asks")
-)]
-pub(crate) trait Collect {
-    /// Whether any hit is as good as any other.
+pub trait Collect {
+    /// Whether any hit is as good as any other, so that the first one ends the search.
     const ANY: bool = false;
     /// Takes note that there is a hit, whichever: only where any will do.
     fn take_any(&mut self) {}
     /// Hits beyond this `t` are of no interest; hits at it may be.
     fn limit(&self) -> f32;
-    /// Takes a hit; breaks if no other can matter.
+    /// Takes a hit. Breaks if no other can matter.
     fn take(&mut self, hit: Hit) -> ControlFlow<()>;
     /// Whether a hit that was taken broke.
     fn is_done(&self) -> bool {
@@ -32,9 +28,12 @@ pub(crate) fn keep_first(best: &mut Option<Hit>, hit: Hit) {
     }
 }
 
-/// The closest hit.
+/// The closest hit, the lower triangle among equals.
 #[derive(Debug, Default)]
-pub(crate) struct Closest(pub(crate) Option<Hit>);
+pub struct Closest(
+    /// The one so far.
+    pub Option<Hit>,
+);
 
 impl Collect for Closest {
     #[inline]
@@ -51,7 +50,10 @@ impl Collect for Closest {
 
 /// Whether there is a hit.
 #[derive(Debug, Default)]
-pub(crate) struct Any(pub(crate) bool);
+pub struct Any(
+    /// Whether there was one.
+    pub bool,
+);
 
 impl Collect for Any {
     const ANY: bool = true;
@@ -77,12 +79,13 @@ impl Collect for Any {
     }
 }
 
-/// The first `max` hits in order, each triangle once. `max` is not 0.
+/// The first `max` hits in order, each triangle once.
 #[derive(Debug)]
-pub(crate) struct Ordered<'a> {
-    pub(crate) max: usize,
+pub struct Ordered<'a> {
+    /// How many are kept; not 0.
+    pub max: usize,
     /// Sorted at all times. Leaves come roughly front to back, so that new hits go near the end.
-    pub(crate) out: &'a mut Vec<Hit>,
+    pub out: &'a mut Vec<Hit>,
 }
 
 impl Collect for Ordered<'_> {

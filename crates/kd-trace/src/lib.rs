@@ -43,6 +43,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Structures that are no kd-trees answer by the same test: [`kit`] has what they need.
+//!
 //! With the feature `counters`, queries that end in `_counted` tell what a ray took.
 //!
 //! # What is a hit
@@ -73,6 +75,7 @@ mod collect;
 #[cfg(feature = "counters")]
 mod counters;
 mod float;
+pub mod kit;
 mod lanes;
 pub mod lazy;
 mod level;

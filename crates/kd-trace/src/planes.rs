@@ -75,7 +75,7 @@ pub(crate) const PER_STEP: f32 = f32::from_bits((127 - 100) << 23);
 
 /// A ray, ready to be asked about planes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RayPlanes {
+pub struct RayPlanes {
     /// One for each axis. The last is for the tag of a leaf: never asked, it saves a bounds check.
     axes: [AxisPlanes; 4],
     /// How many steps `t = 1` is.
@@ -109,14 +109,16 @@ pub(crate) struct Crossing {
 
 /// A part of a ray, in steps. Neither is NaN.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Span {
-    pub(crate) enter: f32,
-    pub(crate) exit: f32,
+pub struct Span {
+    /// Where it begins.
+    pub enter: f32,
+    /// Where it ends, not before it begins.
+    pub exit: f32,
 }
 
 /// What the bound depends on besides the ray, the same for all rays through a tree.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Frame {
+pub struct Frame {
     /// The lowest and the highest corner of the box. (The fourth number is 0, so that four can be loaded at a time.)
     pub(crate) corners: [[f32; 4]; 2],
     /// The part of the bound that no ray changes.
@@ -124,8 +126,9 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
+    /// Of what lies within a box, which is not empty.
     #[inline(always)]
-    pub(crate) fn new(bounds: &Aabb) -> Self {
+    pub fn new(bounds: &Aabb) -> Self {
         let side = bounds.extent().max_element();
         let coordinate = bounds.min.abs().max(bounds.max.abs()).max_element();
         Self {
@@ -145,9 +148,9 @@ pub(crate) fn unit_of(direction: Vec3) -> f64 {
 }
 
 impl RayPlanes {
-    /// The ray must be finite with a direction, and the box not empty.
+    /// The ray must be one that [can hit](Ray::can_hit).
     #[inline(always)]
-    pub(crate) fn new(ray: &Ray, frame: &Frame) -> Self {
+    pub fn new(ray: &Ray, frame: &Frame) -> Self {
         let unit = unit_of(ray.direction);
         // One over a power of two, by its exponent.
         let per_unit = f64::from_bits((2046 << 52) - unit.to_bits());
@@ -184,19 +187,19 @@ impl RayPlanes {
     }
 
     /// The largest component of (corner - origin) over the box, up to rounding; infinite if it overflows.
-    pub(crate) fn reach(&self) -> f32 {
+    pub fn reach(&self) -> f32 {
         self.reach
     }
 
     /// Whether the ray goes towards lower coordinates on an axis.
     #[inline(always)]
-    pub(crate) fn is_downwards(&self, axis: usize) -> bool {
+    pub fn is_downwards(&self, axis: usize) -> bool {
         self.axes[axis].near != 0
     }
 
     /// A value of `t` in steps.
     #[inline]
-    pub(crate) fn steps(&self, t: f32) -> f32 {
+    pub fn steps(&self, t: f32) -> f32 {
         t * self.steps
     }
 
@@ -214,7 +217,7 @@ impl RayPlanes {
 
     /// The part of the ray's range in which it may hit something in the box; `None` if there is none.
     #[inline]
-    pub(crate) fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<Span> {
+    pub fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<Span> {
         let mut span = Span {
             enter: self.steps(ray.t_min),
             exit: self.steps(ray.t_max),

@@ -19,9 +19,12 @@
 //! Nothing here may be contracted to a fused multiply-add: it would break the antisymmetry of edge functions. (Rust
 //! never does so by itself.)
 
-use glam::Vec3;
-use kd_core::{Axis, Hit, Ray};
+use std::ops::ControlFlow;
 
+use glam::Vec3;
+use kd_core::{Axis, Hit, Mesh, Ray};
+
+use crate::collect::Collect;
 use crate::float::{max, min};
 use crate::lanes::LANES;
 
@@ -36,9 +39,11 @@ pub(crate) const MOST_REACH: f32 = (1_u64 << 62) as f32;
 /// See [`finer_weights`].
 pub(crate) const LEAST_SHARE: f64 = 1.0 / (1 << 24) as f64;
 
-/// A ray, ready to be asked about triangles.
+/// A ray, ready to be asked about triangles: the one function that decides what is a hit.
+///
+/// Whatever asks it about the same triangles gets the same hits, to the bit. The crate's page tells what they are.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct TriangleTest {
+pub struct TriangleTest {
     origin: [f32; 3],
     /// The axis along which the ray moves most.
     along: Axis,
@@ -129,14 +134,15 @@ impl Sheared {
 }
 
 impl TriangleTest {
-    /// `reach` is at least the largest component of `corner - origin` over all corners that the filter will see, up
-    /// to a few roundings; infinite switches the filter off. The ray must be finite with a direction.
+    /// `reach` is at least the largest component of `corner - origin` over all corners that
+    /// [`certainly_misses`](Self::certainly_misses) will be asked about, up to a few roundings; with an infinite one nothing
+    /// certainly misses. The ray must be one that [can hit](Ray::can_hit).
     #[allow(
         clippy::cast_possible_truncation,
         reason = "the filter allows for the rounding of its shear"
     )]
     #[inline(always)]
-    pub(crate) fn new(ray: &Ray, reach: f32) -> Self {
+    pub fn new(ray: &Ray, reach: f32) -> Self {
         let along = steepest_axis(ray.direction);
         let (across_x, across_y) = (along.next(), along.next().next());
         let component = |axis: Axis| f64::from(ray.direction[axis.index()]);
@@ -185,7 +191,7 @@ impl TriangleTest {
     /// where anything could overflow, the bound is infinite. So where an edge function here is beyond the bound, its
     /// counterpart in `decide` has the same sign and is not zero; with one on each side, it is a miss.
     #[inline]
-    pub(crate) fn certainly_misses(&self, corners: [Vec3; 3]) -> bool {
+    pub fn certainly_misses(&self, corners: [Vec3; 3]) -> bool {
         let axes = self.axes();
         self.filter.rejects(corners.map(|corner| {
             let corner = corner.to_array();
@@ -224,9 +230,10 @@ impl TriangleTest {
         [self.across_x, self.across_y, self.along]
     }
 
-    /// The hit, if there is one. A pure function of the ray and the corners.
+    /// The hit, if there is one within the ray's range. A pure function of the ray and the corners; `triangle` is what the hit
+    /// will be called.
     #[inline(always)]
-    pub(crate) fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
+    pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
         let exact = corners.map(|corner| self.shear(corner));
         let rounded = exact.map(Sheared::rounded);
         let weights = Weights::of(rounded);
@@ -245,6 +252,26 @@ impl TriangleTest {
             triangle,
         };
         (hit.t.is_finite() && self.t_min <= hit.t && hit.t <= self.t_max).then_some(hit)
+    }
+
+    /// Gives the collector the hit of a triangle of a mesh, if there is one; breaks if it does.
+    ///
+    /// # Panics
+    ///
+    /// If the mesh has no such triangle.
+    #[inline]
+    pub fn ask<C: Collect>(
+        &self,
+        mesh: &Mesh,
+        triangle: u32,
+        collector: &mut C,
+    ) -> ControlFlow<()> {
+        let corners = mesh.corners(triangle);
+        if self.certainly_misses(corners) {
+            return ControlFlow::Continue(());
+        }
+        self.decide(corners, triangle)
+            .map_or(ControlFlow::Continue(()), |hit| collector.take(hit))
     }
 
     #[inline(always)]

@@ -1,0 +1,36 @@
+//! What another structure over a mesh needs to answer as these trees do, to the bit: the test of a triangle, what a query
+//! keeps, and the bound of every error between a plane and a reported hit.
+//!
+//! Here is a structure of one box. Grids and bounding volume hierarchies ask the same way.
+//!
+//! ```
+//! use kd_core::{Hit, Mesh, Ray};
+//! use kd_trace::kit::{Closest, Collect, Frame, RayPlanes, TriangleTest};
+//!
+//! fn closest(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
+//!     let bounds = mesh.bounds();
+//!     if bounds.is_empty() || !ray.can_hit() {
+//!         return None;
+//!     }
+//!     let planes = RayPlanes::new(ray, &Frame::new(&bounds));
+//!     planes.clip(ray, &bounds)?;
+//!     let test = TriangleTest::new(ray, planes.reach());
+//!     let mut closest = Closest::default();
+//!     for triangle in 0..mesh.len() as u32 {
+//!         if test.ask(mesh, triangle, &mut closest).is_break() {
+//!             break;
+//!         }
+//!     }
+//!     closest.0
+//! }
+//!
+//! let corners = vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]];
+//! let mesh = Mesh::new(corners, vec![[0, 1, 2]])?;
+//! let ray = Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]);
+//! assert_eq!(closest(&mesh, &ray), kd_trace::brute_force::intersect(&mesh, &ray));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub use crate::collect::{Any, Closest, Collect, Ordered};
+pub use crate::planes::{Frame, RayPlanes, Span};
+pub use crate::triangle::TriangleTest;
