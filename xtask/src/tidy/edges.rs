@@ -9,6 +9,8 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-sah", &["kd-core"]),
     ("kd-merge", &["kd-core", "kd-sah"]),
     ("kd-trace", &["kd-core"]),
+    ("kd-grid", &["kd-core", "kd-trace"]),
+    ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-render", &["kd", "kd-scene"]),
     ("kd-cli", &["kd", "kd-render", "kd-scene"]),

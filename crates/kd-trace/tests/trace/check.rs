@@ -2,7 +2,9 @@
 
 use std::ops::Deref;
 
-use kd_core::{Hit, Mesh, Ray, Tree};
+use kd_core::{Hit, Mesh, NodeView, Ray, Tree};
+use kd_oracle::rays::Rays;
+pub(crate) use kd_oracle::source;
 use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force, lazy};
 
 use crate::cells::CutTree;
@@ -123,23 +125,14 @@ pub(crate) fn check<'a>(
     expected.len()
 }
 
-/// The ray as Rust source, to paste into a test.
-pub(crate) fn source(ray: &Ray) -> String {
-    let number = |x: f32| {
-        if x.is_finite() {
-            format!("{x:?}")
-        } else {
-            format!("f32::from_bits({:#x})", x.to_bits())
-        }
-    };
-    let list = |v: glam::Vec3| v.to_array().map(number).join(", ");
-    format!(
-        "Ray::new([{}], [{}]).with_range({}, {})",
-        list(ray.origin),
-        list(ray.direction),
-        number(ray.t_min),
-        number(ray.t_max)
-    )
+/// Rays around one mesh and the planes of its trees.
+pub(crate) fn rays<'a>(mesh: &'a Mesh, trees: &[Subject], seed: u64) -> Rays<'a> {
+    let nodes = trees.iter().flat_map(|tree| tree.nodes().iter());
+    let planes = nodes.filter_map(|node| match node.view() {
+        NodeView::Interior { axis, split, .. } => Some((axis.index(), split)),
+        NodeView::Leaf { .. } => None,
+    });
+    Rays::new(mesh, planes.collect(), seed)
 }
 
 #[test]

@@ -9,10 +9,9 @@ mod packets;
 mod properties;
 mod queues;
 mod random_tree;
-mod rays;
 mod reference;
-mod rng;
-mod scenes;
 mod tiles;
 mod watertight;
 mod wide;
+
+use kd_oracle::{rng, scenes};

@@ -3,9 +3,8 @@
 use kd_core::Mesh;
 use kd_sah::{BuildOptions, Method, build};
 
-use crate::check::{Subject, check};
+use crate::check::{self, Subject, check};
 use crate::random_tree::random_tree;
-use crate::rays::Rays;
 use crate::scenes;
 
 const RAYS: usize = 100_000;
@@ -31,11 +30,11 @@ fn check_scene(name: &str, mesh: &Mesh, rays: usize) {
         );
     }
     let [best, bad @ ..] = &trees;
-    let mut source = Rays::new(mesh, &trees, 9);
+    let mut source = check::rays(mesh, &trees, 9);
     let mut hit = 0;
     for number in 0..rays {
         let trees = [best, &bad[number % bad.len()]];
-        hit += usize::from(check(name, mesh, trees, &source.next()) > 0);
+        hit += usize::from(check(name, mesh, trees, &source.draw()) > 0);
     }
     assert!(10 * hit >= 3 * rays, "{name}: {hit} of {rays} rays hit");
 }

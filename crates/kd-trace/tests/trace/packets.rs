@@ -5,8 +5,7 @@ use kd_core::{Mesh, Ray, RayPacket8};
 use kd_sah::{BuildOptions, build};
 use kd_trace::{PackedTree, WideTree, brute_force};
 
-use crate::check::{Subject, source};
-use crate::rays::Rays;
+use crate::check::{self, Subject, source};
 use crate::rng::Rng;
 use crate::scenes::{self, moved, soup, sphere};
 use crate::tiles::{BUNDLES, bundle, levels};
@@ -71,8 +70,8 @@ fn hard_rays_in_lanes() {
             &mesh,
             build(&mesh, &BuildOptions::default()).expect("valid"),
         );
-        let mut rays = Rays::new(&mesh, std::slice::from_ref(&subject), 92);
-        let rays: Vec<Ray> = (0..1000).map(|_| rays.next()).collect();
+        let mut rays = check::rays(&mesh, std::slice::from_ref(&subject), 92);
+        let rays: Vec<Ray> = (0..1000).map(|_| rays.draw()).collect();
         let hits = check(scene, &mesh, &trees, &rays);
         assert!(hits > 50, "{scene}: {hits} hits");
     }

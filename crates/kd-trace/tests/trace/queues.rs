@@ -5,8 +5,7 @@ use glam::Vec3;
 use kd_core::{Mesh, Ray};
 use kd_sah::{BuildOptions, build};
 
-use crate::check::Subject;
-use crate::rays::Rays;
+use crate::check::{self, Subject};
 use crate::rng::Rng;
 use crate::scenes::{self, sphere};
 use crate::tiles::{check, levels};
@@ -25,10 +24,10 @@ fn hard_rays_in_turn() {
             &mesh,
             build(&mesh, &BuildOptions::default()).expect("valid"),
         );
-        let mut rays = Rays::new(&mesh, std::slice::from_ref(&subject), 81);
+        let mut rays = check::rays(&mesh, std::slice::from_ref(&subject), 81);
         let mut hits = 0;
         for count in COUNTS {
-            let rays: Vec<Ray> = (0..count).map(|_| rays.next()).collect();
+            let rays: Vec<Ray> = (0..count).map(|_| rays.draw()).collect();
             hits += check(scene, &mesh, &trees, &rays);
         }
         assert!(hits > 50, "{scene}: {hits} hits");

@@ -4,8 +4,7 @@ use glam::{DVec3, Vec3};
 use kd_core::{Mesh, Ray};
 use kd_trace::brute_force;
 
-use crate::check::source;
-use crate::rays::Rays;
+use crate::check::{self, source};
 use crate::rng::Rng;
 use crate::scenes::{self, Soup};
 
@@ -129,10 +128,10 @@ fn hits_are_those_of_other_mathematics() {
 #[test]
 fn nasty_rays_are_not_contradicted() {
     for (name, mesh) in scenes::all() {
-        let mut rays = Rays::new(&mesh, &[], 13);
+        let mut rays = check::rays(&mesh, &[], 13);
         let mut sure = 0;
         for _ in 0..3000 {
-            let ray = rays.next();
+            let ray = rays.draw();
             // The reference's own error grows with the distance, and with t.
             let is_near =
                 (ray.origin - mesh.bounds().center()).length() < 10.0 * mesh.bounds().diagonal();

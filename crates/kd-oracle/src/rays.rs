@@ -1,29 +1,23 @@
 //! Rays that ask for trouble.
 
 use glam::Vec3;
-use kd_core::{Mesh, Node, NodeView, Ray};
+use kd_core::{Mesh, Ray};
 
-use crate::check::Subject;
 use crate::rng::Rng;
 
-/// Makes rays around one mesh and the planes of its trees.
-pub(crate) struct Rays<'a> {
+/// Makes rays around one mesh and the planes of what is built over it.
+#[derive(Debug)]
+pub struct Rays<'a> {
     mesh: &'a Mesh,
-    /// Position and axis of planes of the trees.
+    /// Axis and position.
     planes: Vec<(usize, f32)>,
     rng: Rng,
 }
 
 impl<'a> Rays<'a> {
-    pub(crate) fn new(mesh: &'a Mesh, trees: &[Subject], seed: u64) -> Self {
-        let planes = trees
-            .iter()
-            .flat_map(|tree| tree.nodes().iter().copied().map(Node::view))
-            .filter_map(|node| match node {
-                NodeView::Interior { axis, split, .. } => Some((axis.index(), split)),
-                NodeView::Leaf { .. } => None,
-            })
-            .collect();
+    /// Around a mesh, which is not empty. `planes` are those of a structure over it, if it has any, each with its axis: some
+    /// rays begin or run in them.
+    pub fn new(mesh: &'a Mesh, planes: Vec<(usize, f32)>, seed: u64) -> Self {
         Self {
             mesh,
             planes,
@@ -73,7 +67,8 @@ impl<'a> Rays<'a> {
         point
     }
 
-    pub(crate) fn next(&mut self) -> Ray {
+    /// A ray of one of fourteen kinds; most hit something.
+    pub fn draw(&mut self) -> Ray {
         let target = self.target();
         let origin = self.somewhere();
         let ray = match self.rng.below(14) {

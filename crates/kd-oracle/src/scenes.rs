@@ -8,26 +8,30 @@ use kd_core::Mesh;
 use crate::rng::Rng;
 
 /// Triangles put together from pieces.
-#[derive(Default)]
-pub(crate) struct Soup {
-    pub(crate) positions: Vec<[f32; 3]>,
-    pub(crate) triangles: Vec<[u32; 3]>,
+#[derive(Clone, Debug, Default)]
+pub struct Soup {
+    /// Vertices.
+    pub positions: Vec<[f32; 3]>,
+    /// Three of them each.
+    pub triangles: Vec<[u32; 3]>,
 }
 
 impl Soup {
-    pub(crate) fn triangle(&mut self, corners: [Vec3; 3]) {
+    /// Adds a triangle with vertices of its own.
+    pub fn triangle(&mut self, corners: [Vec3; 3]) {
         let first = u32::try_from(self.positions.len()).expect("small");
         self.positions.extend(corners.map(|p| p.to_array()));
         self.triangles.push([first, first + 1, first + 2]);
     }
 
-    pub(crate) fn quad(&mut self, [a, b, c, d]: [Vec3; 4]) {
+    /// Adds a square, or what goes for one, as two triangles.
+    pub fn quad(&mut self, [a, b, c, d]: [Vec3; 4]) {
         self.triangle([a, b, c]);
         self.triangle([a, c, d]);
     }
 
-    /// The six walls of a box.
-    pub(crate) fn cuboid(&mut self, min: Vec3, max: Vec3) {
+    /// Adds the six walls of a box.
+    pub fn cuboid(&mut self, min: Vec3, max: Vec3) {
         let corner = |i: usize| {
             Vec3::new(
                 if i & 1 == 0 { min.x } else { max.x },
@@ -47,13 +51,14 @@ impl Soup {
         }
     }
 
-    pub(crate) fn mesh(self) -> Mesh {
+    /// All of it as a mesh.
+    pub fn mesh(self) -> Mesh {
         Mesh::new(self.positions, self.triangles).expect("valid")
     }
 }
 
 /// The mesh with every corner moved.
-pub(crate) fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Mesh {
+pub fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Mesh {
     let positions = mesh
         .positions()
         .iter()
@@ -63,7 +68,7 @@ pub(crate) fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Mesh {
 }
 
 /// A closed icosahedron whose faces are divided in four, `levels` times, put on the unit sphere.
-pub(crate) fn sphere(levels: usize) -> Mesh {
+pub fn sphere(levels: usize) -> Mesh {
     let g = f32::midpoint(1.0, 5.0_f32.sqrt());
     let mut points: Vec<Vec3> = Vec::new();
     for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
@@ -113,7 +118,7 @@ pub(crate) fn sphere(levels: usize) -> Mesh {
 }
 
 /// A closed cube [-1, 1]³ whose faces are grids of `n` × `n` squares: many triangles in each of six planes.
-pub(crate) fn cube(n: usize) -> Mesh {
+pub fn cube(n: usize) -> Mesh {
     let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     let at = |i: usize| 2.0 * i as f32 / n as f32 - 1.0;
@@ -146,14 +151,14 @@ pub(crate) fn cube(n: usize) -> Mesh {
 }
 
 /// A closed surface around the origin with hills and valleys, at distances of 0.55 to 1.
-pub(crate) fn bumpy() -> Mesh {
+pub fn bumpy() -> Mesh {
     moved(&sphere(2), |p| {
         p * (0.55 + 0.45 * ((7.0 * p.x).sin() * (9.0 * p.y).cos() * (5.0 * p.z).sin()).abs())
     })
 }
 
 /// Boxes on a lattice in a box: walls that touch, walls that coincide, walls in the same plane.
-pub(crate) fn room() -> Mesh {
+pub fn room() -> Mesh {
     let mut rng = Rng(3);
     let mut soup = Soup::default();
     soup.cuboid(Vec3::ZERO, Vec3::splat(8.0));
@@ -169,7 +174,7 @@ pub(crate) fn room() -> Mesh {
 }
 
 /// Triangles of any shape anywhere.
-pub(crate) fn soup() -> Mesh {
+pub fn soup() -> Mesh {
     let mut rng = Rng(4);
     let mut soup = Soup::default();
     for _ in 0..250 {
@@ -181,7 +186,7 @@ pub(crate) fn soup() -> Mesh {
 }
 
 /// Long thin triangles, and some so thin that rounding their corners turns them over.
-pub(crate) fn slivers() -> Mesh {
+pub fn slivers() -> Mesh {
     let mut rng = Rng(5);
     let mut soup = Soup::default();
     for i in 0..250 {
@@ -194,7 +199,7 @@ pub(crate) fn slivers() -> Mesh {
 }
 
 /// Every triangle several times, in both windings, with triangles of no area between.
-pub(crate) fn duplicates() -> Mesh {
+pub fn duplicates() -> Mesh {
     let mut rng = Rng(6);
     let mut soup = Soup::default();
     for _ in 0..40 {
@@ -214,7 +219,7 @@ pub(crate) fn duplicates() -> Mesh {
 }
 
 /// All in the plane y = 1: the box has no height.
-pub(crate) fn flat() -> Mesh {
+pub fn flat() -> Mesh {
     let mut rng = Rng(7);
     let mut soup = Soup::default();
     let on_plane = |p: Vec3| Vec3::new(p.x, 1.0, p.z);
@@ -226,7 +231,7 @@ pub(crate) fn flat() -> Mesh {
 }
 
 /// A tiny sphere on a floor of two huge triangles: the teapot in the stadium.
-pub(crate) fn stadium() -> Mesh {
+pub fn stadium() -> Mesh {
     let ball = sphere(2);
     let mut soup = Soup {
         positions: moved(&ball, |p| p * 1e-3 + Vec3::new(1.7, 1e-3, -2.3))
@@ -250,7 +255,7 @@ pub(crate) fn stadium() -> Mesh {
 }
 
 /// Every scene with its name.
-pub(crate) fn all() -> Vec<(&'static str, Mesh)> {
+pub fn all() -> Vec<(&'static str, Mesh)> {
     vec![
         ("sphere", sphere(2)),
         ("cube", cube(4)),
@@ -263,31 +268,36 @@ pub(crate) fn all() -> Vec<(&'static str, Mesh)> {
     ]
 }
 
-#[test]
-fn closed_meshes_are_closed() {
-    for mesh in [sphere(0), sphere(2), cube(1), cube(4), bumpy()] {
-        let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
-        for &[i, j, k] in mesh.triangles() {
-            for (a, b) in [(i, j), (j, k), (k, i)] {
-                *edges.entry((a.min(b), a.max(b))).or_default() += 1;
-            }
-        }
-        assert!(
-            edges.values().all(|&n| n == 2),
-            "two triangles at every edge"
-        );
-        let euler = mesh.positions().len() + mesh.len() - edges.len();
-        assert_eq!(euler, 2, "like a sphere");
-        assert_eq!(mesh.zero_area_count(), 0, "no zero area");
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-#[test]
-fn scenes_are_what_they_say() {
-    assert_eq!(sphere(2).len(), 320, "20 * 4 * 4");
-    assert_eq!(flat().bounds().extent().y, 0.0, "no height");
-    assert!(duplicates().zero_area_count() >= 40, "some have no area");
-    for (name, mesh) in all() {
-        assert!((100..400).contains(&mesh.len()), "{name}: {}", mesh.len());
+    #[test]
+    fn closed_meshes_are_closed() {
+        for mesh in [sphere(0), sphere(2), cube(1), cube(4), bumpy()] {
+            let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
+            for &[i, j, k] in mesh.triangles() {
+                for (a, b) in [(i, j), (j, k), (k, i)] {
+                    *edges.entry((a.min(b), a.max(b))).or_default() += 1;
+                }
+            }
+            assert!(
+                edges.values().all(|&n| n == 2),
+                "two triangles at every edge"
+            );
+            let euler = mesh.positions().len() + mesh.len() - edges.len();
+            assert_eq!(euler, 2, "like a sphere");
+            assert_eq!(mesh.zero_area_count(), 0, "no zero area");
+        }
+    }
+
+    #[test]
+    fn scenes_are_what_they_say() {
+        assert_eq!(sphere(2).len(), 320, "20 * 4 * 4");
+        assert_eq!(flat().bounds().extent().y, 0.0, "no height");
+        assert!(duplicates().zero_area_count() >= 40, "some have no area");
+        for (name, mesh) in all() {
+            assert!((100..400).contains(&mesh.len()), "{name}: {}", mesh.len());
+        }
     }
 }

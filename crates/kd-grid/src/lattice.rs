@@ -1,0 +1,273 @@
+//! Where the cells of a grid lie.
+
+use glam::Vec3;
+use kd_core::Aabb;
+
+/// Most cells along an axis: places along it are kept in 16 bits.
+pub(crate) const MOST_ALONG: u32 = 1 << 16;
+
+/// How much larger triangles are taken than they are, on each side, over the longest side of the grid.
+///
+/// A reported hit stands for a point of its triangle within 2⁻²⁵ of the longest side W of the ray (as
+/// `kd_trace::kit::RayPlanes` has it), and a ray is in the cell that its walk says up to 2⁻²⁵ W more: see
+/// [`walk`](crate::walk). 2⁻²⁰ W covers both, and the rounding of what is computed here, many times over; it is a
+/// hundredth of a cell where there are ten thousand of them along an axis.
+pub(crate) const PAD: f64 = 1.0 / (1 << 20) as f64;
+
+/// A box divided into equal cells.
+///
+/// Cells are numbered along the axis of the fewest first, so that consecutive numbers make thin layers across the axis of the
+/// most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Lattice {
+    pub(crate) bounds: Aabb,
+    /// How many cells there are along each axis.
+    pub(crate) resolution: [u32; 3],
+    /// How far cells that are neighbours along an axis are apart in number.
+    pub(crate) strides: [u32; 3],
+    /// The axis of the most cells.
+    pub(crate) outer: usize,
+    /// Cells per unit; 0 along an axis that is not divided.
+    pub(crate) per_unit: [f64; 3],
+    /// [`PAD`] in cells.
+    pad: [f64; 3],
+}
+
+/// The cells that a triangle's box meets, the last ones included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(crate) struct CellRange {
+    pub(crate) first: [u16; 3],
+    pub(crate) last: [u16; 3],
+}
+
+impl CellRange {
+    /// How many cells they are.
+    #[inline]
+    pub(crate) fn count(&self) -> u64 {
+        (0..3)
+            .map(|axis| u64::from(self.last[axis] - self.first[axis]) + 1)
+            .product()
+    }
+}
+
+impl Lattice {
+    /// About `cells` cells, and not more, as near to cubes as can be.
+    pub(crate) fn new(bounds: Aabb, cells: f64) -> Self {
+        let extent = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).to_array();
+        Self::with_resolution(bounds, resolution(extent, cells))
+    }
+
+    pub(crate) fn with_resolution(bounds: Aabb, resolution: [u32; 3]) -> Self {
+        let extent = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).to_array();
+        let longest = extent.into_iter().fold(0.0, f64::max);
+        let mut axes = [0, 1, 2];
+        axes.sort_by_key(|axis| resolution[*axis]);
+        let mut strides = [0; 3];
+        let mut stride = 1;
+        for axis in axes {
+            strides[axis] = stride;
+            stride = u32::saturating_mul(stride, resolution[axis]);
+        }
+        let mut per_unit = [0.0; 3];
+        let mut pad = [0.0; 3];
+        for axis in 0..3 {
+            if resolution[axis] > 1 {
+                per_unit[axis] = f64::from(resolution[axis]) / extent[axis];
+                pad[axis] = PAD * longest * per_unit[axis];
+            }
+        }
+        Self {
+            bounds,
+            resolution,
+            strides,
+            outer: axes[2],
+            per_unit,
+            pad,
+        }
+    }
+
+    /// Half as many cells along each axis.
+    pub(crate) fn halved(&self) -> Self {
+        Self::with_resolution(self.bounds, self.resolution.map(|along| (along / 2).max(1)))
+    }
+
+    pub(crate) fn cells(&self) -> usize {
+        self.resolution
+            .iter()
+            .map(|along| *along as usize)
+            .product()
+    }
+
+    /// The cells that a triangle's box meets, which lies within the bounds; a little enlarged.
+    #[inline]
+    pub(crate) fn range(&self, corners: [Vec3; 3]) -> CellRange {
+        let [a, b, c] = corners;
+        let min = self.coordinates(a.min(b).min(c));
+        let max = self.coordinates(a.max(b).max(c));
+        let mut range = CellRange {
+            first: [0; 3],
+            last: [0; 3],
+        };
+        for axis in 0..3 {
+            range.first[axis] = self.place(axis, min[axis] - self.pad[axis]);
+            range.last[axis] = self.place(axis, max[axis] + self.pad[axis]);
+        }
+        range
+    }
+
+    /// A point in cells from the lowest corner.
+    #[inline]
+    pub(crate) fn coordinates(&self, point: Vec3) -> [f64; 3] {
+        let (point, min) = (point.to_array(), self.bounds.min.to_array());
+        [0, 1, 2].map(|axis| (f64::from(point[axis]) - f64::from(min[axis])) * self.per_unit[axis])
+    }
+
+    /// The cell of a coordinate along an axis; the first or the last one if it lies beyond.
+    #[inline]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to at most 2^16 cells"
+    )]
+    pub(crate) fn place(&self, axis: usize, coordinate: f64) -> u16 {
+        // Not `clamp`: this order of operands is one instruction each.
+        let most = f64::from(self.resolution[axis] - 1);
+        let above = if coordinate > 0.0 { coordinate } else { 0.0 };
+        (if above < most { above } else { most }) as i32 as u16
+    }
+
+    /// [`PAD`] in cells.
+    pub(crate) fn pad(&self) -> [f64; 3] {
+        self.pad
+    }
+
+    /// The number of a cell.
+    #[inline]
+    pub(crate) fn number(&self, place: [impl Into<u32> + Copy; 3]) -> usize {
+        (0..3)
+            .map(|axis| place[axis].into() as usize * self.strides[axis] as usize)
+            .sum()
+    }
+}
+
+/// Whole numbers of cells along sides of these lengths, whose product is at most `cells`.
+///
+/// Sides that are shorter than a cell are not divided, and the cells are given to the others: a flat scene has squares.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "between 1 and 2^16"
+)]
+fn resolution(extent: [f64; 3], cells: f64) -> [u32; 3] {
+    let mut divided: Vec<usize> = (0..3).filter(|axis| extent[*axis] > 0.0).collect();
+    // Short ones first, so that each is judged by what the ones left over would get.
+    divided.sort_by(|a, b| extent[*a].total_cmp(&extent[*b]));
+    let mut resolution = [1; 3];
+    while !divided.is_empty() {
+        let volume: f64 = divided.iter().map(|axis| extent[*axis]).product();
+        let per_unit = (cells / volume).powf(1.0 / divided.len() as f64);
+        if extent[divided[0]] * per_unit < 1.0 {
+            divided.remove(0);
+            continue;
+        }
+        for axis in divided {
+            resolution[axis] = (extent[axis] * per_unit).clamp(1.0, f64::from(MOST_ALONG)) as u32;
+        }
+        break;
+    }
+    resolution
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bounds(extent: [f32; 3]) -> Aabb {
+        Aabb {
+            min: Vec3::ZERO,
+            max: Vec3::from(extent),
+        }
+    }
+
+    #[test]
+    fn cells_are_nearly_cubes_and_not_too_many() {
+        let rows: [([f32; 3], f64, [u32; 3]); 9] = [
+            ([1.0, 1.0, 1.0], 1000.0, [10, 10, 10]),
+            ([2.0, 1.0, 1.0], 250.0, [10, 5, 5]),
+            ([1.0, 1.0, 0.0], 100.0, [10, 10, 1]),
+            ([0.0, 5.0, 0.0], 100.0, [1, 100, 1]),
+            ([0.0, 0.0, 0.0], 100.0, [1, 1, 1]),
+            ([1.0, 1.0, 1e-6], 100.0, [10, 10, 1]),
+            ([1e30, 1e30, 1e30], 1000.0, [10, 10, 10]),
+            ([1e-40, 1e-40, 1e-40], 1000.0, [10, 10, 10]),
+            ([1.0, 1.0, 1.0], 0.5, [1, 1, 1]),
+        ];
+        for (extent, cells, expected) in rows {
+            let lattice = Lattice::new(bounds(extent), cells * (1.0 + 1e-6));
+            assert_eq!(lattice.resolution, expected, "{extent:?}");
+        }
+    }
+
+    #[test]
+    fn many_cells_along_a_line_are_capped() {
+        let lattice = Lattice::new(bounds([1.0, 0.0, 0.0]), 1e9);
+        assert_eq!(
+            lattice.resolution,
+            [MOST_ALONG, 1, 1],
+            "what 16 bits can tell"
+        );
+        let last = lattice.range([Vec3::X; 3]);
+        assert_eq!(last.last, [u16::MAX, 0, 0], "the last cell");
+    }
+
+    #[test]
+    fn every_cell_has_its_number() {
+        let lattice = Lattice::with_resolution(bounds([1.0, 2.0, 3.0]), [2, 5, 3]);
+        assert_eq!(
+            (lattice.outer, lattice.strides),
+            (1, [1, 6, 2]),
+            "the most outside"
+        );
+        let mut numbers: Vec<usize> = (0..30_u16)
+            .map(|i| lattice.number([i % 2, i / 2 % 5, i / 10]))
+            .collect();
+        numbers.sort_unstable();
+        assert!(numbers.into_iter().eq(0..30), "each once");
+    }
+
+    #[test]
+    fn triangles_on_a_border_are_on_both_sides() {
+        let lattice = Lattice::with_resolution(bounds([8.0, 8.0, 8.0]), [8, 8, 8]);
+        let point = |x: f32| lattice.range([Vec3::new(x, 2.5, 8.0); 3]);
+        assert_eq!(
+            (point(4.0).first[0], point(4.0).last[0]),
+            (3, 4),
+            "on the border"
+        );
+        assert_eq!(
+            (point(4.1).first[0], point(4.1).last[0]),
+            (4, 4),
+            "beyond it"
+        );
+        assert_eq!(
+            (point(0.0).first, point(0.0).last),
+            ([0, 2, 7], [0, 2, 7]),
+            "the bounds"
+        );
+        assert_eq!(point(4.0).count(), 2, "two cells");
+    }
+
+    #[test]
+    fn halving_ends_at_one_cell() {
+        let mut lattice = Lattice::with_resolution(bounds([1.0, 1.0, 1.0]), [7, 2, 1]);
+        lattice = lattice.halved();
+        assert_eq!(lattice.resolution, [3, 1, 1], "rounded down");
+        lattice = lattice.halved().halved();
+        assert_eq!(
+            (lattice.resolution, lattice.cells()),
+            ([1, 1, 1], 1),
+            "one is left"
+        );
+    }
+}

@@ -1,0 +1,171 @@
+//! What is in which cell, and that threads do not show.
+
+use glam::{DVec3, Vec3};
+use kd_core::{Aabb, Mesh, clipped_bounds};
+use kd_grid::{GridOptions, Overlap, UniformGrid};
+use kd_oracle::scenes;
+
+/// A cell made larger by so much of the grid's longest side, or smaller.
+fn cell(grid: &UniformGrid, place: [u32; 3], larger: f64) -> Aabb {
+    let bounds = grid.bounds();
+    let (min, extent) = (
+        bounds.min.as_dvec3(),
+        bounds.max.as_dvec3() - bounds.min.as_dvec3(),
+    );
+    let resolution = DVec3::from_array(grid.resolution().map(f64::from));
+    let low = DVec3::from_array(place.map(f64::from));
+    let larger = DVec3::splat(larger * extent.max_element());
+    Aabb {
+        min: (min + extent * low / resolution - larger).as_vec3(),
+        max: (min + extent * (low + 1.0) / resolution + larger).as_vec3(),
+    }
+}
+
+fn places(grid: &UniformGrid) -> impl Iterator<Item = [u32; 3]> {
+    let [x, y, z] = grid.resolution();
+    (0..x * y * z).map(move |i| [i % x, i / x % y, i / (x * y)])
+}
+
+/// Every cell against a clipped copy of every triangle.
+#[test]
+fn triangles_are_in_the_cells_they_meet() {
+    for (name, mesh) in scenes::all() {
+        for overlap in [Overlap::Box, Overlap::Exact] {
+            let options = GridOptions::new().with_density(3.0).with_overlap(overlap);
+            let grid = UniformGrid::build(&mesh, &options).expect("valid");
+            let (mut needless, mut references) = (0, 0);
+            for place in places(&grid) {
+                let entered = grid.triangles_in(place);
+                assert!(entered.is_sorted(), "{name}: {entered:?}");
+                references += entered.len();
+                let (within, around) = (cell(&grid, place, -1e-6), cell(&grid, place, 3e-6));
+                for triangle in 0..u32::try_from(mesh.len()).expect("few") {
+                    let corners = mesh.corners(triangle);
+                    let is_entered = entered.binary_search(&triangle).is_ok();
+                    let meets = |cell: &Aabb| clipped_bounds(corners, cell).is_some();
+                    let box_meets = !Aabb::around(corners).intersection(&around).is_empty();
+                    assert!(
+                        is_entered || !meets(&within),
+                        "{name}: {triangle} in {place:?}"
+                    );
+                    assert!(
+                        !is_entered || box_meets,
+                        "{name}: {triangle} not in {place:?}"
+                    );
+                    // What has no area is not hit, and entered like a box.
+                    let has_area = mesh.normal(triangle) != Vec3::ZERO;
+                    needless += usize::from(is_entered && has_area && !meets(&around));
+                }
+            }
+            let most = match overlap {
+                Overlap::Box => references,
+                // Those in a line of cells are not looked at closely.
+                _ => references / 20,
+            };
+            assert!(
+                needless <= most,
+                "{name}, {overlap:?}: {needless} of {references}"
+            );
+        }
+    }
+}
+
+/// Large triangles that are not along axes: where exact overlap is for.
+#[test]
+fn exact_overlap_leaves_out_most_of_a_box() {
+    let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+    let mesh = Mesh::new(corners, vec![[0, 1, 2]]).expect("valid");
+    let references = |overlap| {
+        let options = GridOptions::new()
+            .with_density(8000.0)
+            .with_overlap(overlap);
+        UniformGrid::build(&mesh, &options)
+            .expect("valid")
+            .stats()
+            .references
+    };
+    let (by_box, exact) = (references(Overlap::Box), references(Overlap::Exact));
+    assert!(by_box > 6000 && exact < by_box / 8, "{exact} of {by_box}");
+}
+
+#[test]
+fn threads_do_not_show() {
+    let mesh = scenes::moved(&scenes::sphere(6), |p| p * Vec3::new(1.0, 3.0, 2.0));
+    assert!(mesh.len() > 80_000, "several chunks and slabs");
+    for overlap in [Overlap::Box, Overlap::Exact] {
+        let options = GridOptions::new().with_density(9.0).with_overlap(overlap);
+        let of = |threads: usize| {
+            UniformGrid::build(&mesh, &options.clone().with_threads(threads)).expect("valid")
+        };
+        let one = of(1);
+        for threads in [0, 2, 3] {
+            let other = of(threads);
+            assert_eq!(one.resolution(), other.resolution(), "{threads} threads");
+            for place in places(&one) {
+                assert_eq!(
+                    one.triangles_in(place),
+                    other.triangles_in(place),
+                    "{threads} threads: {place:?}"
+                );
+            }
+        }
+    }
+}
+
+/// The equations of the paper, once more, from what is in each cell.
+#[test]
+fn statistics_are_those_of_the_cells() {
+    let mesh = scenes::stadium();
+    let grid = UniformGrid::build(&mesh, &GridOptions::new().with_density(2.0)).expect("valid");
+    let counts: Vec<f64> = places(&grid)
+        .map(|place| grid.triangles_in(place).len() as f64)
+        .collect();
+    let stats = grid.stats();
+    let t = counts.len() as f64;
+    let moment =
+        |power: i32, around: f64| -> f64 { counts.iter().map(|n| (n - around).powi(power)).sum() };
+    let mean = moment(1, 0.0) / t;
+    let variance = moment(2, mean) / (t - 1.0);
+    let deviation = variance.sqrt();
+    let rows = [
+        (stats.cells as f64, t),
+        (stats.references as f64, moment(1, 0.0)),
+        (
+            stats.sparseness(),
+            counts.iter().filter(|n| **n == 0.0).count() as f64 / t,
+        ),
+        (
+            f64::from(stats.max_refs),
+            counts.iter().copied().fold(0.0, f64::max),
+        ),
+        (stats.mean, mean),
+        (stats.variance, variance),
+        (stats.standard_deviation(), deviation),
+        (stats.skewness, moment(3, mean) / t / deviation.powi(3)),
+        (
+            stats.kurtosis,
+            moment(4, mean) / t / deviation.powi(4) - 3.0,
+        ),
+        (
+            stats.refs_per_triangle(),
+            moment(1, 0.0) / mesh.len() as f64,
+        ),
+    ];
+    for (number, (ours, expected)) in rows.into_iter().enumerate() {
+        assert!(
+            (ours - expected).abs() <= 1e-9 * expected.abs(),
+            "row {number}: {ours} {expected}"
+        );
+    }
+}
+
+#[test]
+fn statistics_have_one_text_form() {
+    let mesh = scenes::duplicates();
+    let grid = UniformGrid::build(&mesh, &GridOptions::new()).expect("valid");
+    let text = grid
+        .stats()
+        .with_zero_area(mesh.zero_area_count())
+        .to_string();
+    insta::assert_snapshot!(text);
+}

@@ -1,0 +1,222 @@
+//! Meshes and rays that a grid could lose its way in, or its memory.
+
+use kd_core::{Mesh, Ray};
+use kd_grid::{GridOptions, UniformGrid};
+use kd_oracle::rays::Rays;
+use kd_oracle::scenes::{self, Soup};
+use kd_oracle::{check, source};
+
+use crate::subject::Subject;
+
+#[test]
+fn nothing_hits_nothing() {
+    let mesh = Mesh::new(vec![], vec![]).expect("valid");
+    let grid = Subject::new(&mesh, &GridOptions::new());
+    let hits = check(
+        "empty",
+        &mesh,
+        &[&grid],
+        &Ray::new([0.0; 3], [0.0, 0.0, 1.0]),
+    );
+    let stats = grid.grid.stats();
+    assert_eq!((hits, stats.cells, stats.references), (0, 1, 0), "{stats}");
+    assert_eq!(
+        (stats.sparseness(), stats.mean, stats.skewness),
+        (1.0, 0.0, 0.0),
+        "{stats}"
+    );
+}
+
+/// A triangle, a line and a point.
+#[test]
+fn one_triangle_is_enough() {
+    let corners = [[0.0, 0.0, 0.0], [3.0, 0.0, 1.0], [0.0, 2.0, 0.0]];
+    let point = [corners[1]; 3];
+    let line = [corners[0], corners[1], corners[1]];
+    for corners in [corners, line, point] {
+        let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        let grid = Subject::new(&mesh, &GridOptions::new().with_density(100.0));
+        let mut rays = Rays::new(&mesh, grid.borders(), 5);
+        for _ in 0..5000 {
+            check("one", &mesh, &[&grid], &rays.draw());
+        }
+    }
+}
+
+/// Without height, along each axis.
+#[test]
+fn flat_scenes_are_divided_into_squares() {
+    for axis in 0..3 {
+        let turned = |mut p: glam::Vec3| {
+            (p[1], p[axis]) = (p[axis], p[1]);
+            p
+        };
+        let mesh = scenes::moved(&scenes::flat(), turned);
+        let grid = Subject::new(&mesh, &GridOptions::new());
+        let resolution = grid.grid.resolution();
+        assert_eq!(resolution[axis], 1, "{resolution:?}");
+        assert!(
+            grid.grid.stats().cells > 300,
+            "the others share the cells: {resolution:?}"
+        );
+        let mut rays = Rays::new(&mesh, grid.borders(), 6);
+        for _ in 0..5000 {
+            check("flat", &mesh, &[&grid], &rays.draw());
+        }
+    }
+}
+
+/// Where f32 ends, and where it has no more bits.
+#[test]
+fn the_largest_and_the_smallest_scenes() {
+    for scale in [1e30, 3e38, 1e-38, 1e-44] {
+        let mesh = scenes::moved(&scenes::cube(3), |p| p * scale);
+        let grid = Subject::new(&mesh, &GridOptions::new());
+        let mut some = 0;
+        for direction in [
+            [0.0, 0.0, 1.0],
+            [0.1, 0.2, 1.0],
+            [1e-30, -1e-19, 1.0],
+            [1e30, 1e29, 1e30],
+        ] {
+            let inside = glam::Vec3::new(0.1, 0.2, -0.3) * scale;
+            some += check("scaled", &mesh, &[&grid], &Ray::new(inside, direction));
+        }
+        assert!(some > 0, "scale {scale:e}");
+    }
+}
+
+/// From so far away that only testing every triangle is sure.
+#[test]
+fn rays_from_anywhere() {
+    let mesh = scenes::room();
+    let grid = Subject::new(&mesh, &GridOptions::new());
+    for distance in [1e3_f32, 1e6, 1e8, 1e9, 1e12, 1e20, 1e30, 1e38] {
+        let mut hit = 0;
+        for number in 0..200 {
+            let mut origin = glam::Vec3::new(0.03, 0.02, 0.01) * number as f32 + 0.5;
+            let mut direction = glam::Vec3::new(0.0, 1e-45, -0.0);
+            origin[number % 3] = -distance;
+            direction[number % 3] = 1.0;
+            let ray = Ray::new(origin, direction);
+            hit += usize::from(check("far", &mesh, &[&grid], &ray) > 0);
+        }
+        assert_eq!(hit, 200, "all, from {distance:e}");
+    }
+}
+
+#[test]
+fn rays_that_cannot_hit_do_not() {
+    let mesh = scenes::cube(2);
+    let grid = Subject::new(&mesh, &GridOptions::new());
+    let ray = Ray::new([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]);
+    assert!(check("cube", &mesh, &[&grid], &ray) > 0, "straight ahead");
+    let (nan, infinite) = (f32::NAN, f32::INFINITY);
+    for ray in [
+        Ray::new([nan, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        Ray::new([infinite, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        Ray::new([0.1, 0.2, -3.0], [0.0, nan, 1.0]),
+        Ray::new([0.1, 0.2, -3.0], [0.0, -infinite, 1.0]),
+        Ray::new([0.1, 0.2, -3.0], [0.0, -0.0, 0.0]),
+        ray.with_range(2.0, 1.0),
+        ray.with_range(nan, 1.0),
+        ray.with_range(0.0, nan),
+        ray.with_mask(0),
+    ] {
+        assert_eq!(check("cube", &mesh, &[&grid], &ray), 0, "{}", source(&ray));
+    }
+}
+
+/// So many that every pair of them would be too many.
+#[test]
+fn a_million_triangles_in_one_place_are_bounded() {
+    let corners = vec![[0.0, 0.0, 0.0], [3.0, 0.0, 1.0], [0.0, 2.0, 0.0]];
+    let mesh = Mesh::new(corners, vec![[0, 1, 2]; 1_000_000]).expect("valid");
+    let grid = UniformGrid::build(&mesh, &GridOptions::new()).expect("within bounds");
+    let stats = grid.stats();
+    assert!(stats.halvings > 0, "{stats}");
+    assert!(stats.references <= 32_000_000 + 65_536, "{stats}");
+    let ray = Ray::new([0.5, 0.5, 9.0], [0.0, 0.1, -1.0]);
+    let hit = grid.intersect(&mesh, &ray).expect("in the middle");
+    assert_eq!(hit.triangle, 0, "the lowest of all");
+    assert_eq!(
+        Some(hit),
+        kd_trace::brute_force::intersect(&mesh, &ray),
+        "to the bit"
+    );
+}
+
+#[test]
+fn limits_hold() {
+    let mesh = scenes::soup();
+    let mut last = usize::MAX;
+    for max_refs in [5000, 1000, 250] {
+        let options = GridOptions::new()
+            .with_density(20.0)
+            .with_max_refs(max_refs);
+        let grid = Subject::new(&mesh, &options);
+        let stats = grid.grid.stats();
+        assert!(stats.references as u64 <= max_refs, "{max_refs}: {stats}");
+        assert!(stats.cells < last, "{max_refs}: {stats}");
+        last = stats.cells;
+        let mut rays = Rays::new(&mesh, grid.borders(), 7);
+        for _ in 0..3000 {
+            check("limited", &mesh, &[&grid], &rays.draw());
+        }
+    }
+    for max_cells in [1, 7, 100] {
+        let options = GridOptions::new()
+            .with_density(1e6)
+            .with_max_cells(max_cells);
+        let cells = UniformGrid::build(&mesh, &options)
+            .expect("valid")
+            .stats()
+            .cells;
+        assert!(cells as u64 <= max_cells, "{cells} of {max_cells}");
+    }
+    let few = UniformGrid::build(&mesh, &GridOptions::new().with_max_refs(3));
+    let message = few.expect_err("250 triangles").to_string();
+    assert_eq!(
+        message, "option `max_refs` must be from one per triangle to 2^32 - 1",
+        "by name"
+    );
+}
+
+/// Small and dense in something large: right, and slow.
+#[test]
+fn a_teapot_in_a_stadium_is_in_few_cells() {
+    let mesh = scenes::stadium();
+    let grid = UniformGrid::build(&mesh, &GridOptions::new()).expect("valid");
+    let stats = grid.stats();
+    assert!(stats.max_refs >= 300, "the ball is in one cell: {stats}");
+    assert!(stats.standard_deviation() > 5.0, "{stats}");
+}
+
+/// Walls in planes between cells, in both of which they are.
+#[test]
+fn walls_between_cells_are_on_both_sides() {
+    let mut soup = Soup::default();
+    soup.cuboid(glam::Vec3::ZERO, glam::Vec3::splat(8.0));
+    let corner = |y: f32, z: f32| glam::Vec3::new(4.0, y, z);
+    soup.quad([
+        corner(0.0, 0.0),
+        corner(8.0, 0.0),
+        corner(8.0, 8.0),
+        corner(0.0, 8.0),
+    ]);
+    let mesh = soup.mesh();
+    // Eight cells.
+    let grid = Subject::new(&mesh, &GridOptions::new().with_density(8.01 / 14.0));
+    assert_eq!(grid.grid.resolution(), [2; 3], "along each axis");
+    for place in [[0, 0, 0], [1, 0, 0]] {
+        let within = grid.grid.triangles_in(place);
+        assert!(
+            within.contains(&12) || within.contains(&13),
+            "{place:?}: {within:?}"
+        );
+    }
+    let mut rays = Rays::new(&mesh, grid.borders(), 8);
+    for _ in 0..10_000 {
+        check("wall", &mesh, &[&grid], &rays.draw());
+    }
+}
