@@ -68,7 +68,7 @@ pub(crate) struct BenchArgs {
     pub(crate) structure: Vec<StructureName>,
 
     /// How to build it, where a structure has that way [default for kd: median,exact,balanced; fast,balanced,best with
-    /// --peers; all with --smoke; all of a rival's]
+    /// --peers; all with --smoke; all of any other structure's]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) builder: Vec<BuilderName>,
 

@@ -21,6 +21,7 @@ mod measure;
 mod memory;
 mod merges;
 mod native;
+mod ours;
 mod paper;
 mod peers;
 mod picture;

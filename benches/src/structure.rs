@@ -10,6 +10,7 @@ use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray, RayPac
 
 use crate::cli::name_of;
 use crate::memory::{Taken, bytes_during};
+use crate::ours;
 use crate::peers;
 use crate::record::Steps;
 
@@ -17,6 +18,8 @@ use crate::record::Steps;
 pub(crate) enum StructureName {
     /// The kd-tree
     Kd,
+    /// The uniform grid
+    Grid,
     /// Embree 3, one ray at a time
     Embree,
     /// Embree 3, packets of 8 rays
@@ -35,7 +38,12 @@ impl StructureName {
     /// Whether it is a library that we measure ourselves against. Those answer as they please: see
     /// [`Answers::disagreements`](crate::check::Answers::disagreements).
     pub(crate) const fn is_rival(self) -> bool {
-        !matches!(self, Self::Kd)
+        !matches!(self, Self::Kd | Self::Grid)
+    }
+
+    /// Whether its nodes may lie in memory in several ways.
+    pub(crate) const fn has_layouts(self) -> bool {
+        matches!(self, Self::Kd)
     }
 
     /// Whether it is compiled with this program, so that it matters what for.
@@ -50,6 +58,7 @@ impl StructureName {
                 let all = BuilderName::value_variants().iter().copied();
                 return all.filter(|name| name.options().is_some()).collect();
             }
+            Self::Grid => &[BuilderName::Exact, BuilderName::Boxes],
             Self::Embree | Self::Embree8 => {
                 &[BuilderName::Low, BuilderName::Medium, BuilderName::High]
             }
@@ -72,7 +81,7 @@ pub(crate) enum BuilderName {
     Resort,
     /// The same plane, O(N log N), from events sorted once
     Sweep,
-    /// The same plane, from bins that bound what is in them
+    /// The same plane, from bins that bound what is in them; in a grid, the cells that triangles meet
     Exact,
     /// Planes at and beside the boundaries of 32 bins
     Binned,
@@ -86,6 +95,8 @@ pub(crate) enum BuilderName {
     Balanced,
     /// The preset that traces fast
     Best,
+    /// In a grid, the cells that boxes of triangles meet
+    Boxes,
     /// Embree's quickest build
     Low,
     /// Embree's default build; the medium build of obvhs, a wide BVH
@@ -106,7 +117,7 @@ pub(crate) enum LayoutName {
     Binary,
     /// Nodes of eight children
     Wide,
-    /// Of a rival: whatever it does
+    /// Of what has only one: whatever it does
     #[value(skip)]
     Own,
 }
@@ -127,7 +138,7 @@ impl BuilderName {
             Self::Balanced => BuildOptions::balanced(),
             Self::Best => BuildOptions::best(),
             Self::Low | Self::Medium | Self::High => return None,
-            Self::Fastest | Self::Slow | Self::Default => return None,
+            Self::Fastest | Self::Slow | Self::Default | Self::Boxes => return None,
         };
         Some(options)
     }
@@ -201,28 +212,28 @@ impl fmt::Display for Variant {
 
 impl Variant {
     pub(crate) fn build(self, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
-        let built = match self.builder.options() {
-            Some(options) if !self.structure.is_rival() => {
-                let options = options
-                    .with_threads(threads)
-                    .with_layout(self.layout.layout());
-                Measured::try_of(|| KdTree::build(Arc::clone(mesh), &options))
-                    .map(|measured| measured.into_built(|tree, _| Box::new(tree)))
-                    .map_err(anyhow::Error::from)
-            }
+        let built = match self.structure {
+            StructureName::Kd => self.kd_tree(mesh, threads),
+            StructureName::Grid => ours::grid(self.builder, mesh, threads),
             _ => peers::build(self, mesh, threads),
         };
         built.with_context(|| format!("cannot build {self}"))
     }
 
+    fn kd_tree(self, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
+        let options = self.builder.options().context("not a way to build it")?;
+        let options = options
+            .with_threads(threads)
+            .with_layout(self.layout.layout());
+        let measured = Measured::try_of(|| KdTree::build(Arc::clone(mesh), &options))?;
+        Ok(measured.into_built(|tree, _| Box::new(tree)))
+    }
+
     /// The most that was allocated at a time until our tree was there, without what is derived from it to trace faster;
-    /// `None` for a rival.
+    /// `None` for what is no kd-tree.
     pub(crate) fn peak_bytes_of_tree(self, mesh: &Mesh) -> anyhow::Result<Option<usize>> {
-        let Some(options) = self
-            .builder
-            .options()
-            .filter(|_| !self.structure.is_rival())
-        else {
+        let is_kd_tree = self.structure == StructureName::Kd;
+        let Some(options) = self.builder.options().filter(|_| is_kd_tree) else {
             return Ok(None);
         };
         let options = options.with_threads(1);

@@ -4,14 +4,14 @@ use crate::cli::{BenchArgs, UsageError, name_of};
 use crate::structure::{BuilderName, LayoutName, StructureName, Variant};
 use clap::ValueEnum as _;
 
-/// Every chosen structure with every chosen builder that it has, and for our own with every chosen layout.
+/// Every chosen structure with every chosen builder that it has, and in every chosen layout where it has several.
 pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<Variant>> {
     let structures = structures(arguments)?;
     let mut variants: Vec<Variant> = Vec::new();
     for structure in structures {
-        let layouts = match structure.is_rival() {
-            true => &[LayoutName::Own],
-            false => arguments.layout.as_slice(),
+        let layouts = match structure.has_layouts() {
+            true => arguments.layout.as_slice(),
+            false => &[LayoutName::Own],
         };
         for builder in builders(arguments, structure) {
             variants.extend(layouts.iter().map(|layout| Variant {
@@ -47,7 +47,7 @@ fn builders(arguments: &BenchArgs, structure: StructureName) -> Vec<BuilderName>
         let chosen = arguments.builder.iter().copied();
         return chosen.filter(|name| all.contains(name)).collect();
     }
-    if structure.is_rival() || arguments.smoke {
+    if structure != StructureName::Kd || arguments.smoke {
         return all;
     }
     if arguments.peers {

@@ -9,17 +9,19 @@
 //! and entered, and so that threads have slabs, and cells, of their own. For that, triangles are sorted by the slabs that they
 //! reach, in chunks, first. In a cell, triangles are in the order of their numbers, whoever does what when.
 
+use std::ops::Range;
+
 use kd_core::Mesh;
 
 use crate::lattice::{CellRange, Lattice};
 use crate::options::{BuildError, GridOptions, Overlap};
-use crate::overlap::for_each_cell;
+use crate::overlap::{each_of_box, for_each_cell, for_each_cell_met, is_worth_a_test};
 use crate::tasks;
 
 /// Triangles to a chunk.
 const CHUNK: usize = 1 << 14;
-/// Cells of a slab, about: four bytes each should stay near.
-const SLAB: usize = 1 << 15;
+/// Cells of a slab: two to this power. Their offsets, of four bytes each, should stay near.
+const SLAB: u32 = 15;
 
 /// What a build gives.
 #[derive(Clone, Debug)]
@@ -31,12 +33,36 @@ pub(crate) struct Cells {
     pub(crate) halvings: u32,
 }
 
-/// A triangle and its cells.
+/// The cells of a triangle.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Cover {
+    /// The number of the first cell.
+    first: u32,
+    /// How many more there are along each axis; and 1 if they are in several slabs, or else 0. Or all of it is
+    /// [`ASKED`](Self::ASKED), and the cells are found once more when they are needed.
+    more: [u8; 4],
+}
+
+impl Cover {
+    const ASKED: [u8; 4] = [u8::MAX; 4];
+
+    /// How many cells there are along each axis.
+    fn counts(&self) -> [usize; 3] {
+        [0, 1, 2].map(|axis| usize::from(self.more[axis]) + 1)
+    }
+
+    fn is_in_several_slabs(&self) -> bool {
+        self.more[3] != 0
+    }
+}
+
+/// A triangle in a slab.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Placed {
-    cells: CellRange,
     triangle: u32,
+    cover: Cover,
 }
 
 /// Triangles of a chunk, sorted by slab; one that reaches into several is there for each.
@@ -46,6 +72,12 @@ struct Chunk {
     offsets: Vec<u32>,
     /// How many cells their ranges have.
     cells: u64,
+}
+
+impl Chunk {
+    fn of_slab(&self, slab: usize) -> &[Placed] {
+        &self.placed[self.offsets[slab] as usize..self.offsets[slab + 1] as usize]
+    }
 }
 
 pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, BuildError> {
@@ -82,11 +114,10 @@ impl Build<'_> {
         let limit = options.refs_limit(triangles);
         let mut halvings = 0;
         loop {
-            let slabs = Slabs::of(&lattice);
-            let chunks = self.place(&lattice, &slabs);
+            let chunks = self.place(&lattice);
             // One cell has a reference to each triangle, and the limit is no less.
             if chunks.iter().map(|chunk| chunk.cells).sum::<u64>() <= limit {
-                return self.enter(lattice, &slabs, &chunks, halvings);
+                return self.enter(lattice, &chunks, halvings);
             }
             lattice = lattice.halved();
             halvings += 1;
@@ -94,7 +125,8 @@ impl Build<'_> {
     }
 
     /// Finds the cells of all triangles.
-    fn place(&self, lattice: &Lattice, slabs: &Slabs) -> Vec<Chunk> {
+    fn place(&self, lattice: &Lattice) -> Vec<Chunk> {
+        let slabs = lattice.cells().div_ceil(1 << SLAB);
         let starts: Vec<usize> = (0..self.mesh.len()).step_by(CHUNK).collect();
         tasks::map(starts, self.is_parallel, |start| {
             let end = self.mesh.len().min(start + CHUNK);
@@ -106,107 +138,153 @@ impl Build<'_> {
         clippy::cast_possible_truncation,
         reason = "a mesh has fewer than 2^30 triangles"
     )]
-    fn place_chunk(&self, lattice: &Lattice, slabs: &Slabs, start: usize, end: usize) -> Chunk {
+    fn place_chunk(&self, lattice: &Lattice, slabs: usize, start: usize, end: usize) -> Chunk {
         let mut cells = 0;
         // By one more than the slab: what is counted there becomes where the next one begins.
-        let mut offsets = vec![0_u32; slabs.count + 2];
-        let mut placed = Vec::with_capacity(end - start);
-        for triangle in start as u32..end as u32 {
+        let mut offsets = vec![0_u32; slabs + 2];
+        let mut covers: Vec<Cover> = bytemuck::zeroed_vec(end - start);
+        for (triangle, cover) in (start as u32..).zip(&mut covers) {
             let range = lattice.range(self.mesh.corners(triangle));
             cells += range.count();
-            for slab in slabs.reached(&range) {
-                offsets[slab + 2] += 1;
+            *cover = self.cover(lattice, &range);
+            offsets[slab_of(cover.first) + 2] += 1;
+            if cover.is_in_several_slabs() {
+                for slab in slabs_of(lattice, &range).skip(1) {
+                    offsets[slab + 2] += 1;
+                }
             }
-            placed.push(Placed {
-                cells: range,
-                triangle,
-            });
-        }
-        if slabs.count == 1 {
-            return Chunk {
-                offsets: vec![0, placed.len() as u32],
-                placed,
-                cells,
-            };
         }
         for slab in 2..offsets.len() {
             offsets[slab] += offsets[slab - 1];
         }
-        let mut sorted = bytemuck::zeroed_vec(offsets[slabs.count + 1] as usize);
-        for place in placed {
-            for slab in slabs.reached(&place.cells) {
-                sorted[offsets[slab + 1] as usize] = place;
-                offsets[slab + 1] += 1;
+        let mut placed = bytemuck::zeroed_vec(offsets[slabs + 1] as usize);
+        let mut put = |slab: usize, triangle: u32, cover: Cover| {
+            let place = &mut offsets[slab + 1];
+            placed[*place as usize] = Placed { triangle, cover };
+            *place += 1;
+        };
+        for (triangle, cover) in (start as u32..).zip(covers) {
+            put(slab_of(cover.first), triangle, cover);
+            if cover.is_in_several_slabs() {
+                let range = lattice.range(self.mesh.corners(triangle));
+                for slab in slabs_of(lattice, &range).skip(1) {
+                    put(slab, triangle, cover);
+                }
             }
         }
-        offsets.truncate(slabs.count + 1);
+        offsets.truncate(slabs + 1);
         Chunk {
-            placed: sorted,
+            placed,
             offsets,
             cells,
         }
     }
 
+    #[inline(always)]
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "cells are counted with 32 bits, and what is more than eight is asked"
+    )]
+    fn cover(&self, lattice: &Lattice, range: &CellRange) -> Cover {
+        let [x, y, z] = [0, 1, 2].map(|axis| range.last[axis] - range.first[axis]);
+        let is_simple = (x | y | z) < u32::from(u8::MAX)
+            && (self.overlap == Overlap::Box || !is_worth_a_test(range));
+        let slabs = slabs_of(lattice, range);
+        Cover {
+            first: lattice.number(range.first) as u32,
+            more: if is_simple {
+                [x as u8, y as u8, z as u8, u8::from(slabs.len() > 1)]
+            } else {
+                Cover::ASKED
+            },
+        }
+    }
+
+    /// Calls `enter` for each cell of a slab and each triangle in it: the cell's number within the slab, and the triangle's. In
+    /// each cell, triangles come in order.
+    fn for_each_entry(
+        &self,
+        lattice: &Lattice,
+        slab: usize,
+        chunks: &[Chunk],
+        mut enter: impl FnMut(usize, u32),
+    ) {
+        let small = SmallBoxes::new(lattice.strides);
+        let strides = lattice.strides.map(|stride| stride as usize);
+        let first_cell = slab << SLAB;
+        for chunk in chunks {
+            for &Placed { triangle, cover } in chunk.of_slab(slab) {
+                if let Some(cells) = small.cells(cover.more) {
+                    let first = cover.first as usize - first_cell;
+                    for &cell in cells {
+                        enter(first + cell as usize, triangle);
+                    }
+                    continue;
+                }
+                let enter = |cell: usize| {
+                    if cell >> SLAB == slab {
+                        enter(cell - first_cell, triangle);
+                    }
+                };
+                if cover.more == Cover::ASKED {
+                    self.ask(lattice, slab, triangle, enter);
+                } else {
+                    each_of_box(cover.first as usize, cover.counts(), strides, enter);
+                }
+            }
+        }
+    }
+
+    /// Finds the cells of a triangle in a slab.
+    #[cold]
+    fn ask(&self, lattice: &Lattice, slab: usize, triangle: u32, enter: impl FnMut(usize)) {
+        let corners = self.mesh.corners(triangle);
+        let range = lattice.range(corners);
+        let within = lattice.within(&range, slab << SLAB, (slab + 1) << SLAB);
+        if self.overlap == Overlap::Exact && is_worth_a_test(&range) {
+            for_each_cell_met(lattice, &within, corners, enter);
+        } else {
+            for_each_cell(lattice, &within, enter);
+        }
+    }
+
     /// Counts the references of every cell, then enters them.
-    fn enter(&self, lattice: Lattice, slabs: &Slabs, chunks: &[Chunk], halvings: u32) -> Cells {
+    fn enter(&self, lattice: Lattice, chunks: &[Chunk], halvings: u32) -> Cells {
         // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
         let mut offsets: Vec<u32> = bytemuck::zeroed_vec(lattice.cells() + 1);
-        let in_slab = |slab: usize| {
-            chunks.iter().flat_map(move |chunk| {
-                let (start, end) = (chunk.offsets[slab], chunk.offsets[slab + 1]);
-                &chunk.placed[start as usize..end as usize]
-            })
-        };
-        let each_cell = |slab: usize, enter: &mut dyn FnMut(usize, u32)| {
-            let (first_cell, layers) = (slabs.first_cell(slab), slabs.layers(slab));
-            for placed in in_slab(slab) {
-                let cells = slabs.within(&placed.cells, &layers);
-                let corners = || self.mesh.corners(placed.triangle);
-                let exactly = (self.overlap == Overlap::Exact).then_some(corners);
-                for_each_cell(&lattice, &cells, exactly, |cell| {
-                    enter(cell - first_cell, placed.triangle);
-                });
-            }
-        };
-
         // Each slab's offsets begin at its second cell's: a cell's place, while it is filled, is where the next one begins.
-        let own_offsets = offsets[1..].chunks_mut(slabs.cells).enumerate().collect();
+        let own_offsets = offsets[1..].chunks_mut(1 << SLAB).enumerate().collect();
         let counts = tasks::map(own_offsets, self.is_parallel, |(slab, offsets)| {
-            each_cell(slab, &mut |cell, _| offsets[cell] += 1);
-            let mut begin = 0;
-            for offset in offsets.iter_mut() {
-                begin += std::mem::replace(offset, begin);
-            }
-            begin
+            self.for_each_entry(&lattice, slab, chunks, |cell, _| offsets[cell] += 1);
+            offsets.iter().sum::<u32>()
         });
-        let count: usize = counts.iter().map(|count| *count as usize).sum();
-        let mut refs: Vec<u32> = bytemuck::zeroed_vec(count);
+        // As many as `max_refs` allows, which 32 bits count.
+        let count: u32 = counts.iter().sum();
+        let mut refs: Vec<u32> = bytemuck::zeroed_vec(count as usize);
 
-        let mut begin = 0;
-        let mut rest = refs.as_mut_slice();
-        let own_offsets = offsets[1..].chunks_mut(slabs.cells);
-        let parts = own_offsets
-            .zip(counts)
-            .enumerate()
-            .map(|(slab, (offsets, count))| {
-                let own;
-                (own, rest) = std::mem::take(&mut rest).split_at_mut(count as usize);
-                let first = begin;
-                begin += count;
-                (slab, offsets, own, first)
-            });
+        let (mut begin, mut rest) = (0, refs.as_mut_slice());
+        let own_offsets = offsets[1..].chunks_mut(1 << SLAB);
+        let parts = own_offsets.zip(counts).enumerate();
+        let parts = parts.map(|(slab, (offsets, count))| {
+            let own;
+            (own, rest) = std::mem::take(&mut rest).split_at_mut(count as usize);
+            let first = begin;
+            begin += count;
+            (slab, offsets, own, first)
+        });
         tasks::map(
             parts.collect(),
             self.is_parallel,
             |(slab, offsets, refs, first)| {
-                each_cell(slab, &mut |cell, triangle| {
+                let mut begin = first;
+                for offset in offsets.iter_mut() {
+                    begin += std::mem::replace(offset, begin);
+                }
+                self.for_each_entry(&lattice, slab, chunks, |cell, triangle| {
                     let place = &mut offsets[cell];
-                    refs[*place as usize] = triangle;
+                    refs[(*place - first) as usize] = triangle;
                     *place += 1;
                 });
-                for offset in offsets {
-                    *offset += first;
-                }
             },
         );
         Cells {
@@ -218,67 +296,51 @@ impl Build<'_> {
     }
 }
 
-/// A grid cut across the axis of the most cells.
-struct Slabs {
-    axis: usize,
-    /// Layers of cells in each slab; the last one may have fewer.
-    thickness: u16,
-    layers: u32,
-    /// Cells of each slab but perhaps the last one.
-    cells: usize,
-    count: usize,
+/// The slab of a cell.
+#[inline(always)]
+fn slab_of(cell: u32) -> usize {
+    (cell >> SLAB) as usize
 }
 
-/// The first and the last layer of a slab.
-struct Layers {
-    first: u16,
-    last: u16,
+/// The slabs that a range of cells reaches into, and perhaps others between them.
+#[inline(always)]
+fn slabs_of(lattice: &Lattice, range: &CellRange) -> Range<usize> {
+    lattice.number(range.first) >> SLAB..(lattice.number(range.last) >> SLAB) + 1
 }
 
-impl Slabs {
-    #[allow(clippy::cast_possible_truncation, reason = "at most 2^16 layers")]
-    fn of(lattice: &Lattice) -> Self {
-        let axis = lattice.outer;
-        let layers = lattice.resolution[axis];
-        let per_layer = lattice.strides[axis] as usize;
-        let thickness = (SLAB / per_layer).clamp(1, layers.min(u32::from(u16::MAX)) as usize);
-        Self {
-            axis,
-            thickness: thickness as u16,
-            layers,
-            cells: thickness * per_layer,
-            count: (layers as usize).div_ceil(thickness),
+/// Boxes of one or two cells along each axis, cell by cell.
+struct SmallBoxes {
+    /// How far each cell is from the first one, by the axes along which there are two.
+    cells: [[u32; 8]; 8],
+}
+
+impl SmallBoxes {
+    fn new(strides: [u32; 3]) -> Self {
+        let mut cells = [[0; 8]; 8];
+        for (axes, cells) in cells.iter_mut().enumerate() {
+            let corners = (0..8_usize).filter(|corner| corner & !axes == 0);
+            for (cell, corner) in cells.iter_mut().zip(corners) {
+                let along = |axis: usize| {
+                    if corner >> axis & 1 == 0 {
+                        0
+                    } else {
+                        strides[axis]
+                    }
+                };
+                *cell = along(0) + along(1) + along(2);
+            }
         }
+        Self { cells }
     }
 
-    /// The slabs that a range reaches into.
-    #[inline]
-    fn reached(&self, cells: &CellRange) -> std::ops::RangeInclusive<usize> {
-        let slab = |layer: u16| usize::from(layer / self.thickness);
-        slab(cells.first[self.axis])..=slab(cells.last[self.axis])
-    }
-
-    #[allow(clippy::cast_possible_truncation, reason = "at most 2^16 layers")]
-    fn layers(&self, slab: usize) -> Layers {
-        let first = slab * usize::from(self.thickness);
-        let end = (first + usize::from(self.thickness)).min(self.layers as usize);
-        Layers {
-            first: first as u16,
-            last: (end - 1) as u16,
+    /// Those of a [`Cover`], if it is such a box and in one slab.
+    #[inline(always)]
+    fn cells(&self, more: [u8; 4]) -> Option<&[u32]> {
+        let [x, y, z, is_in_several] = more.map(usize::from);
+        if (x | y | z) > 1 || is_in_several != 0 {
+            return None;
         }
-    }
-
-    fn first_cell(&self, slab: usize) -> usize {
-        slab * self.cells
-    }
-
-    /// The part of a range that is in these layers.
-    #[inline]
-    fn within(&self, cells: &CellRange, layers: &Layers) -> CellRange {
-        let mut within = *cells;
-        let axis = self.axis;
-        within.first[axis] = cells.first[axis].max(layers.first);
-        within.last[axis] = cells.last[axis].min(layers.last);
-        within
+        let axes = x | y << 1 | z << 2;
+        Some(&self.cells[axes][..1 << (x + y + z)])
     }
 }

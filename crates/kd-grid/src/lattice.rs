@@ -1,6 +1,6 @@
 //! Where the cells of a grid lie.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use kd_core::Aabb;
 
 /// Most cells along an axis: places along it are kept in 16 bits.
@@ -31,14 +31,31 @@ pub(crate) struct Lattice {
     pub(crate) per_unit: [f64; 3],
     /// [`PAD`] in cells.
     pad: [f64; 3],
+    /// What triangles are placed with.
+    scaled: Scaled,
+}
+
+/// A lattice in f32, in units of a power of two near its longest side, so that nothing overflows or underflows.
+///
+/// Three roundings make a coordinate err by less than 2⁻²² of the number of cells, a quarter of the pad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scaled {
+    /// The power of two.
+    scale: Vec3A,
+    /// The lowest corner.
+    min: Vec3A,
+    /// Cells per unit; 0 along an axis that is not divided.
+    per_unit: Vec3A,
+    pad: Vec3A,
+    /// The last cell along each axis.
+    last: Vec3A,
 }
 
 /// The cells that a triangle's box meets, the last ones included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CellRange {
-    pub(crate) first: [u16; 3],
-    pub(crate) last: [u16; 3],
+    pub(crate) first: [u32; 3],
+    pub(crate) last: [u32; 3],
 }
 
 impl CellRange {
@@ -84,6 +101,7 @@ impl Lattice {
             outer: axes[2],
             per_unit,
             pad,
+            scaled: Scaled::new(bounds, resolution, longest),
         }
     }
 
@@ -100,20 +118,27 @@ impl Lattice {
     }
 
     /// The cells that a triangle's box meets, which lies within the bounds; a little enlarged.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn range(&self, corners: [Vec3; 3]) -> CellRange {
-        let [a, b, c] = corners;
-        let min = self.coordinates(a.min(b).min(c));
-        let max = self.coordinates(a.max(b).max(c));
-        let mut range = CellRange {
-            first: [0; 3],
-            last: [0; 3],
-        };
-        for axis in 0..3 {
-            range.first[axis] = self.place(axis, min[axis] - self.pad[axis]);
-            range.last[axis] = self.place(axis, max[axis] + self.pad[axis]);
+        let [a, b, c] = corners.map(Vec3A::from);
+        CellRange {
+            first: self.scaled.places(a.min(b).min(c), -self.scaled.pad),
+            last: self.scaled.places(a.max(b).max(c), self.scaled.pad),
         }
-        range
+    }
+
+    /// The part of a range that is in the layers which have cells numbered from `start` to before `end`.
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "cells are counted with 32 bits"
+    )]
+    pub(crate) fn within(&self, range: &CellRange, start: usize, end: usize) -> CellRange {
+        let axis = self.outer;
+        let per_layer = self.strides[axis] as usize;
+        let mut within = *range;
+        within.first[axis] = within.first[axis].max((start / per_layer) as u32);
+        within.last[axis] = within.last[axis].min(((end - 1) / per_layer) as u32);
+        within
     }
 
     /// A point in cells from the lowest corner.
@@ -130,11 +155,11 @@ impl Lattice {
         clippy::cast_sign_loss,
         reason = "clamped to at most 2^16 cells"
     )]
-    pub(crate) fn place(&self, axis: usize, coordinate: f64) -> u16 {
+    pub(crate) fn place(&self, axis: usize, coordinate: f64) -> u32 {
         // Not `clamp`: this order of operands is one instruction each.
         let most = f64::from(self.resolution[axis] - 1);
         let above = if coordinate > 0.0 { coordinate } else { 0.0 };
-        (if above < most { above } else { most }) as i32 as u16
+        (if above < most { above } else { most }) as u32
     }
 
     /// [`PAD`] in cells.
@@ -144,10 +169,54 @@ impl Lattice {
 
     /// The number of a cell.
     #[inline]
-    pub(crate) fn number(&self, place: [impl Into<u32> + Copy; 3]) -> usize {
+    pub(crate) fn number(&self, place: [u32; 3]) -> usize {
         (0..3)
-            .map(|axis| place[axis].into() as usize * self.strides[axis] as usize)
+            .map(|axis| place[axis] as usize * self.strides[axis] as usize)
             .sum()
+    }
+}
+
+impl Scaled {
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "a power of two that f32 has, and quotients that may round"
+    )]
+    fn new(bounds: Aabb, resolution: [u32; 3], longest: f64) -> Self {
+        /// The largest power of two that leaves room for sums.
+        const MOST: f64 = (1_u128 << 126) as f64;
+        // A power of two by its exponent. (A longest side of 0 gives MOST.)
+        let exponent = longest.max(1.0 / MOST).to_bits() & (0x7ff << 52);
+        let scale = f64::from_bits((2046 << 52) - exponent).min(MOST);
+        let side = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+        let cells = |axis: usize, cells: f64| {
+            let per_unit = f64::from(resolution[axis]) / (side(axis) * scale);
+            if resolution[axis] > 1 {
+                (cells * per_unit) as f32
+            } else {
+                0.0
+            }
+        };
+        let last = resolution.map(|along| (along - 1) as f32);
+        Self {
+            scale: Vec3A::splat(scale as f32),
+            min: Vec3A::from(bounds.min) * scale as f32,
+            per_unit: Vec3A::from_array([0, 1, 2].map(|axis| cells(axis, 1.0))),
+            pad: Vec3A::from_array([0, 1, 2].map(|axis| cells(axis, PAD * longest * scale))),
+            last: Vec3A::from_array(last),
+        }
+    }
+
+    /// The cell of a point along each axis, moved by so many cells; the first or the last one if that is beyond them.
+    #[inline(always)]
+    fn places(&self, point: Vec3A, moved_by: Vec3A) -> [u32; 3] {
+        // Adding 2²³ to a small number rounds it to a whole one, which is then found in the lowest bits: a conversion of
+        // eight lanes without a branch. What lies just at a border may come out on either side, which the pad allows for.
+        const WHOLE: f32 = (1 << 23) as f32;
+        let coordinates = (point * self.scale - self.min) * self.per_unit + moved_by;
+        let below = coordinates.max(Vec3A::ZERO).min(self.last + 0.5) - 0.5;
+        (below.max(Vec3A::ZERO) + WHOLE)
+            .to_array()
+            .map(|x| x.to_bits() & 0xffff)
     }
 }
 
@@ -218,7 +287,7 @@ mod tests {
             "what 16 bits can tell"
         );
         let last = lattice.range([Vec3::X; 3]);
-        assert_eq!(last.last, [u16::MAX, 0, 0], "the last cell");
+        assert_eq!(last.last, [MOST_ALONG - 1, 0, 0], "the last cell");
     }
 
     #[test]
@@ -229,7 +298,7 @@ mod tests {
             (1, [1, 6, 2]),
             "the most outside"
         );
-        let mut numbers: Vec<usize> = (0..30_u16)
+        let mut numbers: Vec<usize> = (0..30)
             .map(|i| lattice.number([i % 2, i / 2 % 5, i / 10]))
             .collect();
         numbers.sort_unstable();

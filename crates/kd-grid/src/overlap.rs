@@ -63,7 +63,7 @@ impl CellTest {
         clippy::cast_sign_loss,
         reason = "within a range of cells, or no cell at all"
     )]
-    fn row(&self, place: [u16; 3], axis: usize, range: &CellRange) -> Option<[u16; 2]> {
+    fn row(&self, place: [u32; 3], axis: usize, range: &CellRange) -> Option<[u32; 2]> {
         let mut at = place.map(f64::from);
         at[axis] = 0.0;
         let (mut first, mut last) = (f64::from(range.first[axis]), f64::from(range.last[axis]));
@@ -78,7 +78,7 @@ impl CellTest {
                 return None;
             }
         }
-        (first <= last).then_some([first as u16, last as u16])
+        (first <= last).then_some([first as u32, last as u32])
     }
 }
 
@@ -94,50 +94,48 @@ impl HalfSpace {
     }
 }
 
-/// Calls `enter` with the number of each cell of a range, or of those that also meet the triangle.
+/// Calls `enter` with the number of each cell of a range.
+pub(crate) fn for_each_cell(lattice: &Lattice, range: &CellRange, enter: impl FnMut(usize)) {
+    let counts = [0, 1, 2].map(|axis| (range.last[axis] - range.first[axis]) as usize + 1);
+    let strides = lattice.strides.map(|stride| stride as usize);
+    each_of_box(lattice.number(range.first), counts, strides, enter);
+}
+
+/// Calls `enter` with the number of each cell of a box, of which there are so many along each axis.
 #[inline(always)]
-pub(crate) fn for_each_cell(
-    lattice: &Lattice,
-    range: &CellRange,
-    exactly: Option<impl FnOnce() -> [Vec3; 3]>,
+pub(crate) fn each_of_box(
+    first: usize,
+    counts: [usize; 3],
+    strides: [usize; 3],
     mut enter: impl FnMut(usize),
 ) {
-    let first = lattice.number(range.first);
-    if range.first == range.last {
-        return enter(first);
-    }
-    if let Some(corners) = exactly
-        && is_worth_a_test(range)
-    {
-        let test = CellTest::new(lattice, corners());
-        return for_each_cell_met(lattice, range, &test, &mut enter);
-    }
-    let [x, y, z] = lattice.strides.map(|stride| stride as usize);
-    let [nx, ny, nz] = [0, 1, 2].map(|axis| usize::from(range.last[axis] - range.first[axis]));
-    for k in 0..=nz {
-        for j in 0..=ny {
-            for i in 0..=nx {
-                enter(first + i * x + j * y + k * z);
+    for k in 0..counts[2] {
+        for j in 0..counts[1] {
+            for i in 0..counts[0] {
+                enter(first + i * strides[0] + j * strides[1] + k * strides[2]);
             }
         }
     }
 }
 
-/// Whether there are several cells in two directions: in a line of cells there is little to leave out.
-fn is_worth_a_test(range: &CellRange) -> bool {
-    (0..3)
-        .filter(|&axis| range.first[axis] < range.last[axis])
-        .count()
-        >= 2
+/// Whether there is something to be left out: several cells in two directions, and enough of them that the test takes less
+/// than what it saves.
+#[inline]
+pub(crate) fn is_worth_a_test(range: &CellRange) -> bool {
+    const MANY: u64 = 16;
+    let directions = (0..3).filter(|&axis| range.first[axis] < range.last[axis]);
+    range.count() >= MANY && directions.count() >= 2
 }
 
-/// Row by row, along the axis of the longest rows.
-fn for_each_cell_met(
+/// Calls `enter` with the number of each cell of a range that the triangle meets: row by row, along the axis of the longest
+/// rows.
+pub(crate) fn for_each_cell_met(
     lattice: &Lattice,
     range: &CellRange,
-    test: &CellTest,
-    enter: &mut impl FnMut(usize),
+    corners: [Vec3; 3],
+    mut enter: impl FnMut(usize),
 ) {
+    let test = CellTest::new(lattice, corners);
     let length = |axis: usize| range.last[axis] - range.first[axis];
     let along = (0..3).max_by_key(|axis| length(*axis)).unwrap_or(0);
     let (u, w) = ((along + 1) % 3, (along + 2) % 3);
@@ -150,7 +148,7 @@ fn for_each_cell_met(
             if let Some([first, last]) = test.row(place, along, range) {
                 place[along] = first;
                 let number = lattice.number(place);
-                for i in 0..=usize::from(last - first) {
+                for i in 0..=(last - first) as usize {
                     enter(number + i * stride);
                 }
             }

@@ -142,11 +142,10 @@ impl Way {
             let coordinate = (entry[axis] - min[axis]) * per_unit;
             let place = lattice.place(axis, coordinate);
             let stride = lattice.strides[axis] as usize;
-            way.cell += usize::from(place) * stride;
+            way.cell += place as usize * stride;
             if direction[axis] == 0.0 {
                 continue;
             }
-            let place = u32::from(place);
             let is_upwards = direction[axis] > 0.0;
             let border = if is_upwards { place + 1 } else { place };
             let inverse = (direction[axis] * per_unit).recip();

@@ -23,6 +23,7 @@ const EDGES: &[(&str, &[&str])] = &[
         &[
             "kd",
             "kd-core",
+            "kd-grid",
             "kd-merge",
             "kd-render",
             "kd-sah",

@@ -21,7 +21,7 @@ fn check_scene(name: &str, mesh: &Mesh, rays: usize) {
 #[test]
 fn nasty_scenes() {
     for (name, mesh) in scenes::all() {
-        check_scene(name, &mesh, 30_000);
+        check_scene(name, &mesh, 15_000);
     }
 }
 
