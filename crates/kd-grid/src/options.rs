@@ -34,10 +34,10 @@ const REFS_EACH: u64 = 32;
 const REFS_BESIDES: u64 = 1 << 16;
 
 impl GridOptions {
-    /// Four cells for each triangle.
+    /// Two cells for each triangle.
     pub const fn new() -> Self {
         Self {
-            density: 4.0,
+            density: 2.0,
             overlap: Overlap::Exact,
             max_cells: 1 << 28,
             max_refs: None,
