@@ -32,5 +32,5 @@
 //! ```
 
 pub use crate::collect::{Any, Closest, Collect, Ordered};
-pub use crate::planes::{Frame, RayPlanes, Span};
+pub use crate::planes::{Crossing, Frame, RayPlanes, Span};
 pub use crate::triangle::TriangleTest;

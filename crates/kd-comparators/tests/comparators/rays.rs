@@ -1,0 +1,173 @@
+//! Rays that ask for trouble.
+
+use glam::Vec3;
+use kd_core::{Mesh, Ray};
+
+use crate::rng::Rng;
+
+/// Makes rays around one mesh, its triangles' planes and the planes of its octree.
+pub(crate) struct Rays<'a> {
+    mesh: &'a Mesh,
+    rng: Rng,
+}
+
+impl<'a> Rays<'a> {
+    /// The mesh is not empty.
+    pub(crate) fn new(mesh: &'a Mesh, seed: u64) -> Self {
+        let rng = Rng(seed);
+        Self { mesh, rng }
+    }
+
+    fn corners(&mut self) -> [Vec3; 3] {
+        let triangle = self.rng.below(self.mesh.len());
+        self.mesh.corners(u32::try_from(triangle).expect("small"))
+    }
+
+    /// A point on a triangle: inside, on an edge or a corner.
+    fn target(&mut self) -> Vec3 {
+        let [a, b, c] = self.corners();
+        match self.rng.below(8) {
+            0 => a,
+            1 => a.midpoint(b),
+            2 => a.lerp(b, self.rng.unit()),
+            _ => {
+                let (u, v) = (self.rng.unit(), self.rng.unit());
+                let (u, v) = if u + v > 1.0 {
+                    (1.0 - u, 1.0 - v)
+                } else {
+                    (u, v)
+                };
+                a + (b - a) * u + (c - a) * v
+            }
+        }
+    }
+
+    /// A point in the box or a little around it.
+    fn somewhere(&mut self) -> Vec3 {
+        self.mesh.bounds().center() + self.rng.vec3() * self.size()
+    }
+
+    /// The longest side of the box. (A diagonal would overflow where its square does.)
+    fn size(&self) -> f32 {
+        self.mesh.bounds().extent().max_element()
+    }
+
+    /// A point in the plane of a triangle, up to rounding, and outside of it mostly.
+    fn in_a_plane(&mut self) -> Vec3 {
+        let [a, b, c] = self.corners();
+        a + (b - a) * self.rng.between(-2.0, 2.0) + (c - a) * self.rng.between(-2.0, 2.0)
+    }
+
+    /// Puts a point exactly on planes of the octree, or on faces of the box, on some axes.
+    fn on_octree_planes(&mut self, mut point: Vec3) -> Vec3 {
+        let bounds = self.mesh.bounds();
+        for _ in 0..=self.rng.below(3) {
+            let axis = self.rng.below(3);
+            let (mut low, mut high) = (bounds.min[axis], bounds.max[axis]);
+            for _ in 0..self.rng.below(5) {
+                let middle = 0.5 * low + 0.5 * high;
+                if point[axis] < middle {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            point[axis] = self.rng.pick(&[low, high]);
+        }
+        point
+    }
+
+    pub(crate) fn next(&mut self) -> Ray {
+        let (target, origin) = (self.target(), self.somewhere());
+        let ray = match self.rng.below(15) {
+            0..=2 => Ray::new(origin, target - origin),
+            3 => Ray::new(origin, self.somewhere() - origin),
+            4 => {
+                let origin = self.on_octree_planes(origin);
+                Ray::new(origin, target - origin)
+            }
+            // From a surface to another.
+            5 => {
+                let origin = self.target();
+                Ray::new(origin, target - origin)
+            }
+            // Along an axis, aimed exactly.
+            6 | 7 => {
+                let axis = self.rng.below(3);
+                let mut origin = if self.rng.chance(0.5) {
+                    target
+                } else {
+                    self.on_octree_planes(target)
+                };
+                origin[axis] = self.somewhere()[axis];
+                let mut direction = self.rng.pick(&[Vec3::ZERO, -Vec3::ZERO]);
+                direction[axis] = self.rng.pick(&[1.0, -1.0, 1e-20, -3e20]);
+                Ray::new(origin, direction)
+            }
+            // In a plane of the octree, or nearly so.
+            8 => {
+                let origin = self.on_octree_planes(target);
+                let mut direction = target - self.somewhere();
+                direction[self.rng.below(3)] =
+                    self.rng.pick(&[0.0, -0.0, 1e-30, -1e-38, 1e-12, 1e-42]);
+                Ray::new(origin - direction * self.rng.between(-1.0, 2.0), direction)
+            }
+            // From far away.
+            9 => {
+                let distance = self.rng.pick(&[1e2, 1e4, 1e7]) * self.size();
+                let origin = target + distance * self.rng.direction();
+                Ray::new(origin, target - origin)
+            }
+            // Along an edge.
+            10 => {
+                let [a, b, c] = self.corners();
+                let direction = self
+                    .rng
+                    .pick(&[b - a, c - b, 0.3 * (b - a) + 0.2 * (c - a)]);
+                Ray::new(a - direction * self.rng.between(-0.5, 2.0), direction)
+            }
+            // Backwards.
+            11 => Ray::new(origin, origin - target).with_range(f32::NEG_INFINITY, 0.5),
+            // A short piece, ending on the surface or just before or behind.
+            12 => Ray::new(origin, target - origin)
+                .with_range(self.rng.between(-1.0, 1.0), self.rng.between(0.99, 1.01)),
+            // From a triangle's plane, or along it.
+            13 => {
+                let origin = self.in_a_plane();
+                let towards = if self.rng.chance(0.5) {
+                    target
+                } else {
+                    self.in_a_plane()
+                };
+                Ray::new(origin, towards - origin)
+            }
+            _ => {
+                let direction =
+                    (target - origin) * self.rng.pick(&[1e-20, 1e-38, 1e20, 1e36, 1e-6]);
+                Ray::new(origin, direction)
+            }
+        };
+        if self.rng.chance(0.2) {
+            self.exactly_at_a_hit(ray)
+        } else {
+            ray
+        }
+    }
+
+    /// Puts an end of the range, or both, on the `t` of one of the ray's hits.
+    fn exactly_at_a_hit(&mut self, ray: Ray) -> Ray {
+        let mut hits = Vec::new();
+        kd_trace::brute_force::hits(self.mesh, &ray, usize::MAX, &mut hits);
+        if hits.is_empty() {
+            return ray;
+        }
+        let t = self.rng.pick(&hits).t;
+        match self.rng.below(5) {
+            0 => ray.with_range(t, t),
+            1 => ray.with_range(t, ray.t_max),
+            2 => ray.with_range(ray.t_min, t),
+            3 => ray.with_range(t.next_up(), f32::INFINITY),
+            _ => ray.with_range(ray.t_min, t.next_down()),
+        }
+    }
+}
