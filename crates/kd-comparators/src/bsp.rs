@@ -36,7 +36,7 @@ pub struct PolygonBsp {
     leaves: usize,
     /// Divisions above the deepest leaf or list at a plane.
     depth: u32,
-    limited_leaves: usize,
+    large_leaves: usize,
 }
 
 /// A divided cell.
@@ -133,7 +133,7 @@ impl PolygonBsp {
             leaves: self.leaves,
             references: self.refs.len(),
             depth: self.depth as usize,
-            limited_leaves: self.limited_leaves,
+            large_leaves: self.large_leaves,
             bytes: size_of_val(&self.nodes[..]) + size_of_val(&self.refs[..]),
         }
     }

@@ -29,7 +29,7 @@ pub struct Octree {
     refs: Vec<u32>,
     /// Divisions above the deepest leaf.
     depth: u32,
-    limited_leaves: usize,
+    large_leaves: usize,
 }
 
 /// A cell that is not empty.
@@ -116,7 +116,7 @@ impl Octree {
             leaves: self.nodes.iter().filter(is_leaf).count(),
             references: self.refs.len(),
             depth: self.depth as usize,
-            limited_leaves: self.limited_leaves,
+            large_leaves: self.large_leaves,
             bytes: size_of_val(&self.nodes[..]) + size_of_val(&self.refs[..]),
         }
     }

@@ -12,8 +12,9 @@ pub struct Stats {
     pub references: usize,
     /// Divisions above the deepest leaf or list at a plane.
     pub depth: usize,
-    /// Leaves of more triangles than a small one that the limit of depth or of references kept from being divided.
-    pub limited_leaves: usize,
+    /// Leaves of more triangles than a small one: a limit of depth or of references kept them from being divided, or no
+    /// division would have helped.
+    pub large_leaves: usize,
     /// Bytes of nodes and references, without the mesh.
     pub bytes: usize,
 }

@@ -36,7 +36,7 @@ pub(super) fn bsp(mesh: &Mesh, options: &Options) -> PolygonBsp {
             refs: Vec::new(),
             leaves: 0,
             depth: 0,
-            limited_leaves: 0,
+            large_leaves: 0,
         },
     };
     let spare = Spare(options.spare_refs(mesh.len()));
@@ -72,7 +72,7 @@ impl Build<'_> {
             None
         } else {
             let division = self.divide(&fragments, depth, spare);
-            self.bsp.limited_leaves += usize::from(division.is_none());
+            self.bsp.large_leaves += usize::from(division.is_none());
             division
         };
         let Some(Division {

@@ -18,7 +18,7 @@ pub(super) fn octree(mesh: &Mesh, options: &Options) -> Result<Octree, BuildErro
             nodes: Vec::new(),
             refs: Vec::new(),
             depth: 0,
-            limited_leaves: 0,
+            large_leaves: 0,
         },
     };
     if !mesh.is_empty() {
@@ -74,7 +74,7 @@ impl Build<'_> {
             None
         } else {
             let division = self.divide(cell, &parts);
-            self.octree.limited_leaves += usize::from(division.is_none());
+            self.octree.large_leaves += usize::from(division.is_none());
             division
         };
         let Some(Division {

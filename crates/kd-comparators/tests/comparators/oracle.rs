@@ -10,7 +10,7 @@ use crate::check::{Subject, check};
 use crate::rays::Rays;
 use crate::scenes::{self, Soup};
 
-const RAYS: usize = 12_000;
+const RAYS: usize = 10_000;
 
 #[track_caller]
 fn check_scene(name: &str, mesh: &Mesh, rays: usize) {
@@ -96,7 +96,7 @@ fn scales_and_offsets() {
     for (scale, offset) in rows {
         for (name, mesh) in [("soup", scenes::soup()), ("room", scenes::room())] {
             let mesh = scenes::moved(&mesh, |p| p * scale + offset);
-            check_scene(&format!("{name} * {scale:e} + {offset:e}"), &mesh, 1000);
+            check_scene(&format!("{name} * {scale:e} + {offset:e}"), &mesh, 600);
         }
     }
 }
@@ -124,7 +124,7 @@ fn thousands_of_coincident_triangles() {
     }
     let mesh = soup.mesh();
     let default = Subject::new(&mesh, kd_comparators::Options::default());
-    check_subjects("coincident", &mesh, &[default], 1000);
+    check_subjects("coincident", &mesh, &[default], 600);
 }
 
 #[test]
