@@ -11,6 +11,7 @@ use kd_core::{Aabb, Hit, MAX_DEPTH, Mesh, Ray};
 use kd_trace::kit::{Collect, Frame, RayPlanes, Span, TriangleTest};
 use smallvec::SmallVec;
 
+use crate::float::{max, min};
 use crate::query::{self, Walk};
 use crate::{BuildError, Options, Stats};
 use line::RayLine;
@@ -141,7 +142,7 @@ impl PolygonBsp {
 
 impl Walk for PolygonBsp {
     fn walk<C: Collect>(&self, mesh: &Mesh, ray: &Ray, collector: &mut C) {
-        if mesh.is_empty() || !ray.can_hit() {
+        if self.bounds.is_empty() || !ray.can_hit() {
             return;
         }
         let faces = RayPlanes::new(ray, &Frame::new(&self.bounds));
@@ -151,8 +152,10 @@ impl Walk for PolygonBsp {
         let test = TriangleTest::new(ray, faces.reach());
         let line = RayLine::new(ray, &self.bounds);
         let mut stack = SmallVec::<[Pending; STACK]>::new();
-        let root = self.root;
-        stack.push(Pending { place: root, span });
+        stack.push(Pending {
+            place: self.root,
+            span,
+        });
         while let Some(Pending { place, mut span }) = stack.pop() {
             let limit = collector.limit();
             // At the limit itself a lower triangle may lie.
@@ -161,7 +164,7 @@ impl Walk for PolygonBsp {
             }
             match place {
                 Place::Divided(node) => {
-                    span.exit = span.exit.min(limit);
+                    span.exit = min(limit, span.exit);
                     let node = &self.nodes[node as usize];
                     node.push(&line, span, &mut stack);
                 }
@@ -180,14 +183,14 @@ impl Walk for PolygonBsp {
 
 /// The part of the ray's range in which it may hit something in the box, in units of `t`.
 ///
-/// The step that `t = 1` is, is a power of two, so that dividing by it is exact or ends beyond all hits.
+/// `t = 1` is a power of two in steps, so that dividing by it is exact, or rounds to infinity or to zero as `t` would.
 fn span_in_box(ray: &Ray, faces: &RayPlanes, bounds: &Aabb) -> Option<Span> {
     let whole = ray.with_range(f32::NEG_INFINITY, f32::INFINITY);
     let span = faces.clip(&whole, bounds)?;
     let per_t = faces.steps(1.0);
     let (enter, exit) = (
-        ray.t_min.max(span.enter / per_t),
-        ray.t_max.min(span.exit / per_t),
+        max(span.enter / per_t, ray.t_min),
+        min(span.exit / per_t, ray.t_max),
     );
     (enter <= exit).then_some(Span { enter, exit })
 }
@@ -199,9 +202,8 @@ impl Node {
     fn push(&self, line: &RayLine, span: Span, stack: &mut SmallVec<[Pending; STACK]>) {
         let crossing = line.crossing(&self.plane, self.slack);
         let near = crossing.near as usize;
-        // `min` and `max` of f32 pass over a NaN, so that what is not known cuts nothing off.
-        let enter = span.enter.max(crossing.first);
-        let exit = span.exit.min(crossing.last);
+        let enter = max(crossing.first, span.enter);
+        let exit = min(crossing.last, span.exit);
         let mut push = |place, enter, exit| {
             if enter <= exit && place != Place::Leaf(List::default()) {
                 let span = Span { enter, exit };

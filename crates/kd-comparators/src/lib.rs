@@ -33,6 +33,7 @@
 #![forbid(unsafe_code)]
 
 mod bsp;
+mod float;
 mod octree;
 mod options;
 mod query;

@@ -9,6 +9,7 @@ use kd_core::{Aabb, Hit, Mesh, Ray};
 use kd_trace::kit::{Collect, Frame, RayPlanes, Span, TriangleTest};
 use smallvec::SmallVec;
 
+use crate::float::{max, min};
 use crate::query::{self, Walk};
 use crate::{BuildError, Options, Stats};
 
@@ -66,9 +67,10 @@ const _: () = assert!(STACK > 7 * DEPTH as usize, "nothing is allocated");
 impl Octree {
     /// Builds the octree of a mesh.
     ///
-    /// Takes O(N · depth) time for triangles that are small beside their cells. What bounds the others, and all memory, is
-    /// [`Options::with_max_refs`]. A cell is not divided either where all of its children that are not empty would hold as
-    /// much as it does, as with triangles that coincide.
+    /// Takes O(N · depth) time for triangles that are small beside their cells. What bounds the others is
+    /// [`Options::with_max_refs`]: there are no more leaves than references, and no more divided cells than the depth times
+    /// the leaves. A cell is not divided either where all of its children that are not empty would hold as much as it does,
+    /// as with triangles that coincide.
     ///
     /// # Errors
     ///
@@ -222,14 +224,39 @@ impl Octants {
     }
 }
 
-/// The smaller; the second if the first is NaN, so that what is not known cuts nothing off.
-#[inline]
-fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// The larger; the second if the first is NaN.
-#[inline]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
+    /// The octants that a ray meets in the cube [-1, 1]³, in the order in which they are visited.
+    fn visited(ray: &Ray, present: u8) -> Vec<u32> {
+        let bounds = Aabb::around([Vec3::NEG_ONE, Vec3::ONE]);
+        let planes = RayPlanes::new(ray, &Frame::new(&bounds));
+        let span = planes.clip(ray, &bounds).expect("it meets the cube");
+        let mut stack = SmallVec::new();
+        Octants::new(&planes, Vec3::ZERO, present).push(0, span, &mut stack);
+        stack.iter().rev().map(|pending| pending.node).collect()
+    }
+
+    #[test]
+    fn octants_come_front_to_back() {
+        let up = Ray::new([-2.0, -1.9, -1.8], [1.0, 1.0, 1.0]);
+        assert_eq!(visited(&up, 0xff), [0, 4, 6, 7], "z, then y, then x");
+        let down = Ray::new([2.0, 1.9, 1.8], [-1.0, -1.0, -1.0]);
+        assert_eq!(visited(&down, 0xff), [7, 3, 1, 0], "the other way");
+        let mixed = Ray::new([-2.0, 0.5, 1.7], [1.0, 0.0, -1.0]);
+        assert_eq!(visited(&mixed, 0xff), [6, 2, 3], "y stays");
+    }
+
+    #[test]
+    fn children_are_numbered_without_the_absent_ones() {
+        let up = Ray::new([-2.0, -1.9, -1.8], [1.0, 1.0, 1.0]);
+        assert_eq!(visited(&up, 0b1101_0010), [1, 2, 3], "octants 4, 6 and 7");
+    }
+
+    #[test]
+    fn rays_in_a_plane_meet_both_sides() {
+        let along = Ray::new([-2.0, 0.5, 0.0], [1.0, 0.0, 0.0]);
+        assert_eq!(visited(&along, 0xff), [2, 3, 6, 7], "both halves of z");
+    }
 }

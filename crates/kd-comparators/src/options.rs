@@ -18,7 +18,7 @@ const REFS_PER_TRIANGLE: u64 = 16;
 
 impl Options {
     /// A cell of at most this many triangles is not divided. 8 by default; with 0, a cell of one triangle is divided as
-    /// well, until a limit ends it.
+    /// well, while that makes its cell smaller.
     #[must_use]
     pub const fn with_small_leaf(mut self, triangles: u32) -> Self {
         self.small_leaf = triangles;

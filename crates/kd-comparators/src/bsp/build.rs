@@ -23,10 +23,16 @@ const CUT: usize = 4;
 /// were rounded to f32 are planar up to this; with less, each would be cut by the planes of all others.
 const TOLERANCE: f64 = 1.0 / (1 << 21) as f64;
 
+/// 2⁻³², of the largest coordinate in the scene: no less than that is tolerated, so that a fragment, however small, lies in the
+/// plane of its own triangle, and each division takes one from what is left.
+const LEAST_TOLERANCE: f64 = 1.0 / (1_u64 << 32) as f64;
+
 /// The BSP tree of a mesh.
 pub(super) fn bsp(mesh: &Mesh, options: &Options) -> PolygonBsp {
+    let fragments = Fragments::of(mesh);
     let mut build = Build {
         mesh,
+        least_tolerance: LEAST_TOLERANCE * fragments.largest_coordinate(),
         small_leaf: options.small_leaf as usize,
         max_depth: options.depth_limit(DEPTH),
         bsp: PolygonBsp {
@@ -40,13 +46,15 @@ pub(super) fn bsp(mesh: &Mesh, options: &Options) -> PolygonBsp {
         },
     };
     let spare = Spare(options.spare_refs(mesh.len()));
-    build.bsp.root = build.place(Fragments::of(mesh), 0, spare);
+    build.bsp.root = build.place(fragments, 0, spare);
     build.bsp
 }
 
 /// A build under way.
 struct Build<'a> {
     mesh: &'a Mesh,
+    /// In scene units.
+    least_tolerance: f64,
     small_leaf: usize,
     max_depth: u32,
     bsp: PolygonBsp,
@@ -111,7 +119,7 @@ impl Build<'_> {
         if depth >= self.max_depth {
             return None;
         }
-        let tolerance = TOLERANCE * fragments.largest_coordinate();
+        let tolerance = (TOLERANCE * fragments.largest_coordinate()).max(self.least_tolerance);
         let plane = self.best_plane(fragments, tolerance)?;
         let sides = fragments.sides_of(&plane, tolerance);
         let (behind, in_front) = (sides.behind.len(), sides.in_front.len());
@@ -185,4 +193,84 @@ fn badness(fragments: &Fragments, plane: &Plane, tolerance: f64) -> usize {
 /// A number of references, or of nodes, each of which lists a triangle at its plane.
 fn narrow(number: usize) -> u32 {
     u32::try_from(number).expect("references are limited to 32 bits")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    /// Hills of small triangles, and a huge one that runs through them: where it is cut to a small fragment, the tolerance is
+    /// small, too, but hits beside it are as far as ever.
+    fn hills_and_a_huge_triangle() -> Mesh {
+        let mut positions = vec![[-7.0, -9.0, -3.0], [8.0, -6.0, 2.0], [1.0, 9.0, 1.0]];
+        let mut triangles = vec![[0, 1, 2]];
+        let at = |i: u8, j: u8| {
+            let (x, y) = (f32::from(i) - 10.0, f32::from(j) - 10.0);
+            1e-4 * Vec3::new(x, y, (0.9 * x).sin() + (0.7 * y).cos())
+        };
+        for i in 0..20 {
+            for j in 0..20 {
+                let first = u32::try_from(positions.len()).expect("few");
+                let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                positions.extend(corners.map(|corner| corner.to_array()));
+                let [a, b, c, d] = [0, 1, 2, 3].map(|corner| first + corner);
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        Mesh::new(positions, triangles).expect("valid")
+    }
+
+    /// Checks each node below a place. Gives the longest side of the triangles there.
+    fn longest_below(bsp: &PolygonBsp, mesh: &Mesh, place: Place) -> f64 {
+        let longest_of = |list: List| {
+            let refs = &bsp.refs[list.first as usize..][..list.count as usize];
+            let sides = refs.iter().map(|&triangle| {
+                let bounds = Aabb::around(mesh.corners(triangle));
+                f64::from(bounds.extent().max_element())
+            });
+            sides.fold(0.0, f64::max)
+        };
+        match place {
+            Place::Leaf(list) => longest_of(list),
+            Place::Divided(number) => {
+                let node = &bsp.nodes[number as usize];
+                let below = node.children.map(|child| longest_below(bsp, mesh, child));
+                let longest = below.into_iter().fold(longest_of(node.on), f64::max);
+                let least = 0.999 * PER_SIDE * longest;
+                assert!(node.slack >= least, "{} of {longest}", node.slack);
+                longest
+            }
+        }
+    }
+
+    #[test]
+    fn every_slack_is_wide_enough_for_the_triangles_below() {
+        let mesh = hills_and_a_huge_triangle();
+        let bsp = bsp(&mesh, &Options::default());
+        assert!(
+            bsp.nodes.iter().all(|node| node.on.count > 0),
+            "its own triangle at each plane"
+        );
+        let longest = longest_below(&bsp, &mesh, bsp.root);
+        assert!(longest > 10.0, "the huge one is there");
+        let small = bsp.nodes.iter().filter(|node| node.slack < 1e-8).count();
+        assert!(small > 10, "most nodes have small triangles only: {small}");
+    }
+
+    #[test]
+    fn the_best_plane_divides_evenly_without_a_cut() {
+        // Walls across x, of which the one in the middle is the best.
+        let wall = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
+        let positions = [3.0, 0.0, 4.0, 2.0, 1.0].map(wall).concat();
+        let triangles = (0..5).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = Mesh::new(positions, triangles).expect("valid");
+        let bsp = bsp(&mesh, &Options::default().with_small_leaf(2));
+        let sizes = bsp.nodes[0].children.map(|child| match child {
+            Place::Leaf(list) => list.count,
+            Place::Divided(_) => 0,
+        });
+        assert_eq!((bsp.nodes.len(), sizes), (1, [2, 2]), "two on each side");
+    }
 }

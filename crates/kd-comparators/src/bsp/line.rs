@@ -103,6 +103,14 @@ mod tests {
     }
 
     #[test]
+    fn far_origins_widen_crossings() {
+        let bounds = Aabb::around([Vec3::ZERO, Vec3::splat(4.0)]);
+        let ray = Ray::new([1e7, 0.0, 2.0], [0.0, 0.0, 1.0]);
+        let far = RayLine::new(&ray, &bounds).crossing(&plane(), 0.0);
+        assert!(far.first < -1e-7 && far.last > 1e-7, "{far:?}");
+    }
+
+    #[test]
     fn rays_along_a_plane_are_on_one_side_or_on_both() {
         let infinity = f32::INFINITY;
         for (height, first, last) in [

@@ -121,7 +121,7 @@ impl Build<'_> {
         let middle = middle_of(&cell.bounds)?;
         let mut octants = [const { Vec::new() }; 8];
         for part in parts {
-            self.sort_in(*part, cell.bounds, middle, &mut octants);
+            self.sort_in(0, 0, *part, cell.bounds, middle, &mut octants);
         }
         let held = octants.each_ref().map(Vec::len);
         let is_in_one = held.iter().filter(|&&count| count > 0).count() == 1;
@@ -138,14 +138,12 @@ impl Build<'_> {
         })
     }
 
-    /// Puts a part into the lists of the octants that it reaches into. What lies in a dividing plane goes to one side of it,
-    /// the lower one if all of the part does: rays find it there, since planes are crossed in an interval.
-    fn sort_in(&self, part: Part, cell: Aabb, middle: Vec3, octants: &mut [Vec<Part>; 8]) {
-        self.sort_along(0, 0, part, cell, middle, octants);
-    }
-
-    /// The same for a part of the cell that is divided along the axes before `along` already, and lies in `octant` there.
-    fn sort_along(
+    /// Puts a part into the lists of the octants that it reaches into. The cell is divided along the axes before `along`
+    /// already, and is `octant` there as far as that goes.
+    ///
+    /// What lies in a dividing plane goes to one side of it, the lower one if all of the part does: rays find it there, since
+    /// planes are crossed in an interval.
+    fn sort_in(
         &self,
         along: usize,
         octant: usize,
@@ -172,7 +170,7 @@ impl Build<'_> {
             if let Some(bounds) = bounds {
                 let part = Part { bounds, ..part };
                 let octant = octant | side << along;
-                self.sort_along(along + 1, octant, part, half, middle, octants);
+                self.sort_in(along + 1, octant, part, half, middle, octants);
             }
         }
     }

@@ -72,8 +72,7 @@ generated! {
     gears: Gears, 1;
     mount: Mount, 2;
     teapot: Teapot, 3;
-    tetra: Tetra, 5;
-    tree: Tree, 1;
+    tetra: Tetra, 4;
     jacks: Jacks, 1;
 }
 

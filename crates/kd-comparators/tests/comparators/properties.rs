@@ -45,7 +45,7 @@ fn mesh() -> impl Strategy<Value = Mesh> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(500))]
+    #![proptest_config(ProptestConfig::with_cases(350))]
 
     #[test]
     fn both_agree_with_brute_force(mesh in mesh(), seed: u64) {
