@@ -45,6 +45,13 @@ impl<'a> Rays<'a> {
         }
     }
 
+    /// A point in the plane of a triangle, up to rounding, and outside of it mostly.
+    fn in_a_plane(&mut self) -> Vec3 {
+        let triangle = u32::try_from(self.rng.below(self.mesh.len())).expect("small");
+        let [a, b, c] = self.mesh.corners(triangle);
+        a + (b - a) * self.rng.between(-2.0, 2.0) + (c - a) * self.rng.between(-2.0, 2.0)
+    }
+
     /// A point in the box or a little around it.
     fn somewhere(&mut self) -> Vec3 {
         let bounds = self.mesh.bounds();
@@ -67,11 +74,11 @@ impl<'a> Rays<'a> {
         point
     }
 
-    /// A ray of one of fourteen kinds; most hit something.
+    /// A ray of one of fifteen kinds; most hit something.
     pub fn draw(&mut self) -> Ray {
         let target = self.target();
         let origin = self.somewhere();
-        let ray = match self.rng.below(14) {
+        let ray = match self.rng.below(15) {
             0..=2 => Ray::new(origin, target - origin),
             3 => Ray::new(origin, self.somewhere() - origin),
             4 => {
@@ -124,6 +131,16 @@ impl<'a> Rays<'a> {
             // A short piece, ending on the surface or just before or behind.
             12 => Ray::new(origin, target - origin)
                 .with_range(self.rng.between(-1.0, 1.0), self.rng.between(0.99, 1.01)),
+            // From a triangle's plane, or along it.
+            13 => {
+                let origin = self.in_a_plane();
+                let towards = if self.rng.chance(0.5) {
+                    target
+                } else {
+                    self.in_a_plane()
+                };
+                Ray::new(origin, towards - origin)
+            }
             _ => {
                 let direction =
                     (target - origin) * self.rng.pick(&[1e-20, 1e-38, 1e20, 1e36, 1e-6]);

@@ -2,12 +2,12 @@
 
 /// The smaller; the second if the first is NaN.
 #[inline]
-pub(crate) fn min(a: f32, b: f32) -> f32 {
+pub fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 /// The larger; the second if the first is NaN.
 #[inline]
-pub(crate) fn max(a: f32, b: f32) -> f32 {
+pub fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }

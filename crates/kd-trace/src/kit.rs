@@ -32,5 +32,6 @@
 //! ```
 
 pub use crate::collect::{Any, Closest, Collect, Ordered};
-pub use crate::planes::{Frame, RayPlanes, Span};
+pub use crate::float::{max, min};
+pub use crate::planes::{Crossing, Frame, RayPlanes, Span};
 pub use crate::triangle::TriangleTest;

@@ -98,13 +98,13 @@ struct AxisPlanes {
 
 /// Where a plane is crossed, in steps. Either may be infinite or NaN.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Crossing {
+pub struct Crossing {
     /// The far side starts here or later.
-    pub(crate) first: f32,
+    pub first: f32,
     /// The near side ends here or earlier.
-    pub(crate) last: f32,
-    /// Which child is on the near side: 0 or 1.
-    pub(crate) near: u32,
+    pub last: f32,
+    /// Which side is the near one: 0 for the lower one, 1 for the upper.
+    pub near: u32,
 }
 
 /// A part of a ray, in steps. Neither is NaN.
@@ -203,9 +203,9 @@ impl RayPlanes {
         t * self.steps
     }
 
-    /// Where the ray crosses a plane; `axis` is a node's tag.
+    /// Where the ray crosses a plane across an axis: 0, 1 or 2, which is a node's tag.
     #[inline]
-    pub(crate) fn crossing(&self, axis: usize, split: f32) -> Crossing {
+    pub fn crossing(&self, axis: usize, split: f32) -> Crossing {
         let axis = &self.axes[axis];
         let at = (split - axis.origin) * axis.inverse;
         Crossing {

@@ -11,6 +11,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-trace", &["kd-core"]),
     ("kd-grid", &["kd-core", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
+    ("kd-comparators", &["kd-core", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-render", &["kd", "kd-scene"]),
     ("kd-cli", &["kd", "kd-render", "kd-scene"]),

@@ -1,0 +1,10 @@
+//! Both structures against brute force, on generated scenes and on hard input.
+
+mod adversarial;
+mod caps;
+mod check;
+mod oracle;
+mod properties;
+mod watertight;
+
+use kd_oracle::{rng, scenes};

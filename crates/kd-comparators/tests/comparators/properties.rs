@@ -1,0 +1,48 @@
+//! Random meshes, random rays.
+
+use kd_core::Ray;
+use kd_oracle::strategies::{coordinate, mesh, point};
+use proptest::prelude::*;
+
+use crate::check::{Subject, check, rays};
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(350))]
+
+    #[test]
+    fn both_agree_with_brute_force(mesh in mesh(), seed: u64) {
+        let subjects = Subject::all(&mesh);
+        let mut rays = rays(&mesh, seed);
+        for _ in 0..40 {
+            check("random", &mesh, &subjects, &rays.draw());
+        }
+    }
+
+    #[test]
+    fn any_origin_and_direction(
+        mesh in mesh(),
+        origin in point(),
+        direction in point(),
+        range in [coordinate(), coordinate()],
+    ) {
+        let subjects = Subject::all(&mesh);
+        let ray = Ray::new(origin, direction);
+        for ray in [ray, ray.with_range(range[0], range[1])] {
+            check("random", &mesh, &subjects, &ray);
+        }
+    }
+
+    #[test]
+    fn limits_hold(mesh in mesh(), depth in 0_u32..8, refs in 0_u64..200, small_leaf in 0_u32..5) {
+        let options = kd_comparators::Options::default()
+            .with_max_depth(depth)
+            .with_max_refs(refs)
+            .with_small_leaf(small_leaf);
+        let subject = Subject::new(&mesh, options);
+        for stats in [subject.octree.stats(), subject.bsp.stats()] {
+            prop_assert!(stats.depth <= depth as usize, "{:?}", stats);
+            let most = (mesh.len() as u64).max(refs);
+            prop_assert!(stats.references as u64 <= most, "{:?}", stats);
+        }
+    }
+}
