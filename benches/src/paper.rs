@@ -1,5 +1,6 @@
 //! The tables of the papers made again, each beside ours.
 
+mod grid_table;
 mod growth;
 mod merge_table;
 mod mirrors;
@@ -19,11 +20,12 @@ pub(crate) struct PaperArgs {
     #[arg(value_enum)]
     table: PaperTable,
 
-    /// Takes the animations in this folder, each a folder of baked frames; without it, a generated one
+    /// Takes the animations in this folder, each a folder of baked frames, or for grid-table its meshes; without it, generated
+    /// ones
     #[arg(long, value_name = "DIR", env = "KD_SCENES")]
     scenes: Option<PathBuf>,
 
-    /// Only these animations [default with --scenes: BART kitchen]
+    /// Only these animations [default with --scenes: BART kitchen], or these scenes [default for grid-table: all]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     scene: Vec<String>,
 
@@ -68,15 +70,22 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Also write a plot of update times and traces by row, as SVG
+    /// Also write a plot, as SVG: of update times and traces by row; of errors of the estimate
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+
+    /// For grid-table: also write what was measured as a calibration of this machine
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum PaperTable {
     /// Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames made by merging and by building anew
     MergeTable,
+    /// Table 1 and Figures 1 and 2 of *When It Makes Sense to Use Uniform Grids for Ray Tracing* (Hapala, Karlík and Havran
+    /// 2011): grids and kd-trees over many scenes, and the choice between them
+    GridTable,
 }
 
 /// Measures, prints and writes; false if an answer is wrong. A goal that is not met is said, and is no failure.
@@ -85,5 +94,6 @@ pub(crate) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         PaperTable::MergeTable if arguments.growth => growth::run(arguments),
         PaperTable::MergeTable if arguments.rendered => rendered::run(arguments),
         PaperTable::MergeTable => merge_table::run(arguments),
+        PaperTable::GridTable => grid_table::run(arguments),
     }
 }

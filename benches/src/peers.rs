@@ -68,15 +68,8 @@ pub(crate) fn ordered_hits(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dy
 #[cfg(feature = "peers")]
 fn shape_of(bytes_total: usize) -> crate::structure::Shape {
     crate::structure::Shape {
-        nodes: 0,
-        leaves: 0,
-        empty_leaves: 0,
-        refs: 0,
-        depth: 0,
-        sah_cost_15_20: 0.0,
-        sah_cost_own: 0.0,
         bytes_total,
-        text: String::new(),
+        ..crate::structure::Shape::unknown()
     }
 }
 

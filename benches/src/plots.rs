@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use anyhow::anyhow;
 use plotters::coord::combinators::WithKeyPoints;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -60,11 +61,20 @@ pub(crate) struct ScatterPlot<'a> {
     pub(crate) points: Vec<(usize, f64, f64, &'a str)>,
 }
 
-/// Lines, on logarithmic axes.
+/// How an axis is divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Axis {
+    Linear,
+    Logarithmic,
+}
+
+/// Lines.
 #[derive(Debug)]
 pub(crate) struct LinePlot<'a> {
     pub(crate) x_axis: &'a str,
     pub(crate) y_axis: &'a str,
+    /// Of both axes.
+    pub(crate) scale: Axis,
     /// Name and points of each line.
     pub(crate) lines: Vec<(String, Vec<(f64, f64)>)>,
 }
@@ -76,11 +86,26 @@ impl LinePlot<'_> {
     /// As SVG; empty if there is no point. Names stand at the right, in the colours of their lines.
     pub(crate) fn to_svg(&self) -> anyhow::Result<String> {
         let points = || self.lines.iter().flat_map(|(_, points)| points);
-        let xs = decades(points().map(|point| point.0));
-        let ys = decades(points().map(|point| point.1));
-        let (Some(xs), Some(ys)) = (xs, ys) else {
-            return Ok(String::new());
-        };
+        let (xs, ys) = (points().map(|point| point.0), points().map(|point| point.1));
+        match self.scale {
+            Axis::Logarithmic => match (decades(xs), decades(ys)) {
+                (Some(xs), Some(ys)) => self.draw(logarithmic(xs), logarithmic(ys)),
+                _ => Ok(String::new()),
+            },
+            Axis::Linear => match (extent(xs), extent(ys)) {
+                (Some(xs), Some(ys)) => self.draw(xs, ys),
+                _ => Ok(String::new()),
+            },
+        }
+    }
+
+    fn draw<X, Y>(&self, xs: X, ys: Y) -> anyhow::Result<String>
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64>,
+        Y::CoordDescType: ValueFormatter<f64>,
+    {
         let mut svg = String::new();
         let area = SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT * 3 / 2)).into_drawing_area();
         let mut chart = ChartBuilder::on(&area)
@@ -88,7 +113,7 @@ impl LinePlot<'_> {
             .margin_right(LEGEND)
             .set_label_area_size(LabelAreaPosition::Left, 64)
             .set_label_area_size(LabelAreaPosition::Bottom, 44)
-            .build_cartesian_2d(logarithmic(xs), logarithmic(ys))
+            .build_cartesian_2d(xs, ys)
             .map_err(failed)?;
         chart
             .configure_mesh()
@@ -284,6 +309,16 @@ impl ScatterPlot<'_> {
         drop(area);
         Ok(svg)
     }
+}
+
+/// A range that holds all values and 0, for a linear axis; none without values.
+fn extent(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
+    let usable = values.filter(|value| value.is_finite());
+    let bounds = usable.fold(None, |bounds: Option<(f64, f64)>, value| {
+        let (low, high) = bounds.unwrap_or((0.0, 0.0));
+        Some((low.min(value), high.max(value)))
+    });
+    bounds.map(|(low, high)| low..high + 0.05 * (high - low).max(1e-9))
 }
 
 /// A range that holds all values with some room, for a logarithmic axis; none without positive values.

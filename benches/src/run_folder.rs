@@ -12,6 +12,12 @@ pub(crate) fn workspace_root() -> &'static Path {
     own.parent().unwrap_or(own)
 }
 
+/// The day, as `2026-11-28`.
+pub(crate) fn today() -> String {
+    let now = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+    now.chars().take_while(|c| *c != 'T').collect()
+}
+
 /// The folder of one run.
 #[derive(Clone, Debug)]
 pub(crate) struct RunFolder {

@@ -22,6 +22,11 @@ impl Random {
         z ^ (z >> 31)
     }
 
+    /// Uniform below `end`, which is not 0, up to a bias of `end` in 2⁶⁴.
+    pub(crate) fn below(&mut self, end: usize) -> usize {
+        usize::try_from(self.next_u64() % end as u64).expect("less than the end")
+    }
+
     /// Uniform in [-1, 1), in steps of 2⁻²³.
     fn signed_unit(&mut self) -> f32 {
         const STEP: f32 = 1.0 / (1 << 23) as f32;

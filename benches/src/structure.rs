@@ -334,6 +334,23 @@ pub(crate) struct Shape {
     pub(crate) text: String,
 }
 
+impl Shape {
+    /// Of a structure that does not show what it is like.
+    pub(crate) fn unknown() -> Self {
+        Self {
+            nodes: 0,
+            leaves: 0,
+            empty_leaves: 0,
+            refs: 0,
+            depth: 0,
+            sah_cost_15_20: 0.0,
+            sah_cost_own: 0.0,
+            bytes_total: 0,
+            text: String::new(),
+        }
+    }
+}
+
 /// Our tree, asked about many rays at once.
 pub(crate) struct Asked<'a> {
     pub(crate) tree: &'a KdTree,

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::figures::{PRESETS, Settings};
 use crate::goals::geometric_mean;
-use crate::plots::LinePlot;
+use crate::plots::{Axis, LinePlot};
 use crate::structure::BuilderName;
 use crate::terminal;
 
@@ -112,6 +112,7 @@ impl Growth {
         LinePlot {
             x_axis: "triangles",
             y_axis: "build time / Embree medium",
+            scale: Axis::Logarithmic,
             lines: lines.collect(),
         }
         .to_svg()

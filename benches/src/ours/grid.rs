@@ -51,17 +51,14 @@ impl Structure for OverMesh {
     fn shape(&self) -> Shape {
         let stats = self.grid.stats();
         Shape {
-            nodes: 0,
             leaves: stats.cells,
             empty_leaves: stats.empty_cells,
             refs: stats.references,
-            depth: 0,
-            sah_cost_15_20: 0.0,
-            sah_cost_own: 0.0,
             bytes_total: stats.bytes,
             text: stats
                 .with_zero_area(self.mesh.zero_area_count())
                 .to_string(),
+            ..Shape::unknown()
         }
     }
 

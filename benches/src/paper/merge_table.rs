@@ -18,7 +18,7 @@ use crate::animation::Animation;
 use crate::goals::{Goal, Row, Table, maximum, minimum};
 use crate::measure::{self, Repeats};
 use crate::peers;
-use crate::plots::LinePlot;
+use crate::plots::{Axis, LinePlot};
 use crate::record::{median, median_ratio};
 use crate::run_folder;
 use crate::terminal;
@@ -679,6 +679,7 @@ fn plot(measured: &[(String, Vec<FrameFigures>)]) -> anyhow::Result<String> {
     let plot = LinePlot {
         x_axis: "row: from outside to all over it",
         y_axis: "update in ms; rays through the merged tree, % of best",
+        scale: Axis::Logarithmic,
         lines,
     };
     plot.to_svg()

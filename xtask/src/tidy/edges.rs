@@ -13,6 +13,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
+    ("kd-select", &["kd-grid", "kd-trace"]),
     ("kd-render", &["kd", "kd-scene"]),
     ("kd-cli", &["kd", "kd-render", "kd-scene"]),
     (
@@ -28,6 +29,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "kd-merge",
             "kd-render",
             "kd-sah",
+            "kd-select",
             "kd-trace",
             "kd-scene",
         ],

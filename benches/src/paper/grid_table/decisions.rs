@@ -1,0 +1,237 @@
+//! How good decisions are: what is chosen for a budget of rays, against what would have been best.
+
+use kd_select::paper::{self, EPSILON, Hierarchy};
+use kd_select::{Choice, Estimator, RayScheme, Structure as Kind, Times};
+
+use super::measure::Measured;
+use super::table::{KD, critical_rays, name};
+use super::{of_scheme, rays_text};
+use crate::goals::{Goal, Row, Table, arithmetic_mean, maximum, minimum};
+
+/// Budgets of each scene, from a tenth of its true break-even to ten times that.
+const BUDGETS: i32 = 9;
+/// Within so much of the best is as good as it.
+const AS_GOOD: f64 = 1.1;
+
+/// A way to decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rule {
+    /// The least total by estimates from what the grid tells.
+    Widened,
+    /// The paper's eight steps.
+    Paper,
+    /// Havran et al.: a grid where it is regular.
+    Regular,
+    /// One structure always.
+    Always(Kind),
+}
+
+const RULES: [Rule; 7] = [
+    Rule::Widened,
+    Rule::Paper,
+    Rule::Regular,
+    Rule::Always(Kind::Grid),
+    Rule::Always(Kind::Lazy),
+    Rule::Always(Kind::Fast),
+    Rule::Always(Kind::Balanced),
+];
+
+impl Rule {
+    fn name(self) -> String {
+        match self {
+            Self::Widened => "chosen among all".into(),
+            Self::Paper => "the paper's rule".into(),
+            Self::Regular => "grid if σ ≤ 2".into(),
+            Self::Always(kind) => format!("always {kind}"),
+        }
+    }
+}
+
+/// What a rule chose for a budget, against what would have been best.
+#[derive(Clone, Debug)]
+struct Case {
+    scene: String,
+    rays: f64,
+    chosen: Kind,
+    best: Kind,
+    /// The total of the one over that of the other.
+    over_best: f64,
+}
+
+/// All cases of each rule.
+#[derive(Clone, Debug)]
+pub(super) struct Decisions {
+    of_rules: Vec<Vec<Case>>,
+    /// Scenes whose grid is as fast for rays as their kd-tree.
+    without_break_even: usize,
+}
+
+impl Decisions {
+    /// Scene by scene, with all scenes of its family left out of the calibration.
+    pub(super) fn of(measured: &[Measured], scheme: RayScheme) -> Self {
+        let scenes = of_scheme(measured, scheme);
+        let mut decisions = Self {
+            of_rules: vec![Vec::new(); RULES.len()],
+            without_break_even: 0,
+        };
+        for scene in &scenes {
+            let Some(break_even) = critical_rays(scene).filter(|rays| *rays > 0.0) else {
+                decisions.without_break_even += 1;
+                continue;
+            };
+            let others: Vec<&Measured> = scenes
+                .iter()
+                .filter(|other| other.family != scene.family)
+                .copied()
+                .collect();
+            if others.is_empty() {
+                continue;
+            }
+            let estimator = Estimator::fit(others.iter().map(|other| &other.scene));
+            for budget in 0..BUDGETS {
+                let rays = break_even
+                    * 10.0_f64.powf(f64::from(2 * budget) / f64::from(BUDGETS - 1) - 1.0);
+                for (cases, rule) in decisions.of_rules.iter_mut().zip(RULES) {
+                    let chosen = choose(rule, scene, &others, &estimator, rays);
+                    cases.push(Case::new(scene, rays, chosen));
+                }
+            }
+        }
+        decisions
+    }
+
+    /// The worst case of what is chosen among all.
+    pub(super) fn worst(&self, scheme: RayScheme) -> String {
+        let cases = &self.of_rules[0];
+        let worst = cases
+            .iter()
+            .max_by(|a, b| a.over_best.total_cmp(&b.over_best));
+        let Some(worst) = worst else {
+            return format!("{} rays: nothing to decide", name(scheme));
+        };
+        let never: Vec<&str> = Kind::ALL
+            .into_iter()
+            .filter(|kind| cases.iter().all(|case| case.best != *kind))
+            .map(Kind::name)
+            .collect();
+        format!(
+            "{} rays: worst {}, {} rays: {} chosen, {} is best, {:.2} times its total; never the best: {}; {} scenes have no \
+             break-even",
+            name(scheme),
+            worst.scene,
+            rays_text(Some(worst.rays)),
+            worst.chosen,
+            worst.best,
+            worst.over_best,
+            if never.is_empty() {
+                "none".to_owned()
+            } else {
+                never.join(", ")
+            },
+            self.without_break_even,
+        )
+    }
+}
+
+impl Case {
+    fn new(scene: &Measured, rays: f64, chosen: Kind) -> Self {
+        let totals = scene
+            .scene
+            .times
+            .iter()
+            .map(|(kind, times)| (*kind, times.total(rays)));
+        let best = totals
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .expect("some structures");
+        Self {
+            scene: scene.scene.scene.clone(),
+            rays,
+            chosen,
+            best: best.0,
+            over_best: scene.times(chosen).total(rays) / best.1,
+        }
+    }
+}
+
+fn choose(
+    rule: Rule,
+    scene: &Measured,
+    others: &[&Measured],
+    estimator: &Estimator,
+    rays: f64,
+) -> Kind {
+    let features = &scene.scene.features;
+    let grid: Times = scene.sampled_grid();
+    match rule {
+        Rule::Widened => {
+            let costs = estimator.estimate(features, &grid);
+            Choice::among(&costs, rays)
+                .expect("the grid at least")
+                .structure
+        }
+        Rule::Paper => {
+            let calibration = others
+                .iter()
+                .map(|other| (other.triangles(), other.times(KD)));
+            let hierarchy = Hierarchy::estimate(calibration, features.triangles);
+            let hierarchy = hierarchy.expect("there are others");
+            let decision = paper::decide(grid.ray_seconds, &hierarchy, rays, EPSILON);
+            if decision.keeps_grid() {
+                Kind::Grid
+            } else {
+                KD
+            }
+        }
+        Rule::Regular if paper::is_regular(features.sigma) => Kind::Grid,
+        Rule::Regular => KD,
+        Rule::Always(kind) => kind,
+    }
+}
+
+/// How often each rule is as good as the best, and how much it loses, by kind of rays.
+pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
+    let mut rows = Vec::new();
+    for (number, rule) in RULES.into_iter().enumerate() {
+        let over_best = |of: &dyn Fn(&[f64]) -> f64| -> Vec<Option<f64>> {
+            let values = decisions.iter().map(|decisions| {
+                let ratios = decisions.of_rules[number].iter().map(|case| case.over_best);
+                let ratios: Vec<f64> = ratios.collect();
+                (!ratios.is_empty()).then(|| of(&ratios))
+            });
+            values.collect()
+        };
+        let goal = if rule == Rule::Widened {
+            Goal::AtLeast(90.0)
+        } else {
+            Goal::None
+        };
+        let name = rule.name();
+        rows.push(Row::new(
+            format!("{name}: within 10 % of the best, %"),
+            goal,
+            over_best(&|ratios| {
+                let good = ratios.iter().filter(|ratio| **ratio <= AS_GOOD).count();
+                100.0 * good as f64 / ratios.len() as f64
+            }),
+            minimum,
+        ));
+        let mean = over_best(&arithmetic_mean);
+        rows.push(Row::new(
+            format!("{name}: total / best, mean"),
+            Goal::None,
+            mean,
+            maximum,
+        ));
+        let worst = over_best(&maximum);
+        rows.push(Row::new(
+            format!("{name}: total / best, worst"),
+            Goal::None,
+            worst,
+            maximum,
+        ));
+    }
+    Table {
+        scenes: vec!["random".into(), "path-traced".into()],
+        rows,
+    }
+}

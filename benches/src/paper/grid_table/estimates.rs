@@ -1,0 +1,173 @@
+//! Figures 1 and 2: how far the estimate of R_C is off, by the number of scenes that it is calibrated on.
+
+use kd_select::paper::{EPSILON, Hierarchy};
+use kd_select::{Estimator, RayScheme, Structure as Kind};
+
+use super::measure::Measured;
+use super::of_scheme;
+use super::table::{KD, name};
+use crate::plots::{Axis, LinePlot};
+use crate::sampling::Random;
+
+/// The widened estimate is fitted for so many times fewer combinations: it takes longer, and less of them is enough.
+const FEWER: usize = 20;
+
+/// Errors in per cent of R_C, for each number of scenes of a calibration from one on.
+#[derive(Clone, Debug)]
+pub(super) struct Estimates {
+    scheme: RayScheme,
+    /// The paper's estimate: its mean error, and the mean of the sizes of its errors.
+    paper: Vec<[f64; 2]>,
+    widened: Vec<[f64; 2]>,
+    /// The part of estimates, in per cent, that say the kd-tree's rays are no faster, where they are.
+    missed: f64,
+}
+
+/// A sum of errors.
+#[derive(Clone, Copy, Debug, Default)]
+struct Errors {
+    signed: f64,
+    sizes: f64,
+    count: f64,
+    missed: f64,
+}
+
+impl Errors {
+    fn add(&mut self, estimate: f64, truth: f64) {
+        if !estimate.is_finite() {
+            self.missed += 1.0;
+            return;
+        }
+        let error = 100.0 * (estimate - truth) / truth;
+        self.signed += error;
+        self.sizes += error.abs();
+        self.count += 1.0;
+    }
+
+    fn means(&self) -> [f64; 2] {
+        [self.signed / self.count, self.sizes / self.count]
+    }
+}
+
+impl Estimates {
+    /// For random combinations of the scenes: some to calibrate, the others to estimate. Scenes whose grid is as fast for rays
+    /// have no R_C and are left out.
+    pub(super) fn of(measured: &[Measured], scheme: RayScheme, combinations: usize) -> Self {
+        let mut scenes = of_scheme(measured, scheme);
+        scenes.retain(|scene| once_built(scene).is_some());
+        let mut random = Random::new(1);
+        let (mut paper, mut widened) = (Vec::new(), Vec::new());
+        let mut all = Errors::default();
+        for calibrated in 1..scenes.len() {
+            let (mut simple, mut wide) = (Errors::default(), Errors::default());
+            for combination in 0..combinations {
+                for place in 0..calibrated {
+                    let other = place + random.below(scenes.len() - place);
+                    scenes.swap(place, other);
+                }
+                let (known, unknown) = scenes.split_at(calibrated);
+                let estimator = (combination % FEWER == 0)
+                    .then(|| Estimator::fit(known.iter().map(|known| &known.scene)));
+                for scene in unknown {
+                    let truth = once_built(scene).expect("only such are left");
+                    let estimate =
+                        paper_estimate(known, scene).critical_rays(ray_of_grid(scene), EPSILON);
+                    simple.add(estimate, truth);
+                    if let Some(estimator) = &estimator {
+                        wide.add(widened_estimate(estimator, scene), truth);
+                    }
+                }
+            }
+            paper.push(simple.means());
+            widened.push(wide.means());
+            all.missed += simple.missed;
+            all.count += simple.count;
+        }
+        Self {
+            scheme,
+            paper,
+            widened,
+            missed: 100.0 * all.missed / (all.missed + all.count).max(1.0),
+        }
+    }
+
+    /// In words.
+    pub(super) fn summary(&self, scheme: RayScheme) -> String {
+        let (Some(paper), Some(widened)) = (self.paper.last(), self.widened.last()) else {
+            return format!("{} rays: too few scenes to estimate from", name(scheme));
+        };
+        let paper_says = match scheme {
+            RayScheme::Random => "about 25 % too high",
+            RayScheme::Path => "off by about 30 %, mostly too low",
+        };
+        format!(
+            "{} rays, R_C estimated from {} scenes for one more: off by {:.0} % (mean error {:+.0} %; the paper: {paper_says}), \
+             with the grid's statistics by {:.0} % ({:+.0} %); {:.1} % of estimates have no R_C",
+            name(scheme),
+            self.paper.len(),
+            paper[1],
+            paper[0],
+            widened[1],
+            widened[0],
+            self.missed,
+        )
+    }
+}
+
+fn ray_of_grid(scene: &Measured) -> f64 {
+    scene.times(Kind::Grid).ray_seconds
+}
+
+fn paper_estimate(known: &[&Measured], scene: &Measured) -> Hierarchy {
+    let calibration = known
+        .iter()
+        .map(|known| (known.triangles(), known.times(KD)));
+    Hierarchy::estimate(calibration, scene.triangles()).expect("at least one scene is known")
+}
+
+fn widened_estimate(estimator: &Estimator, scene: &Measured) -> f64 {
+    let grid = scene.times(Kind::Grid);
+    let estimates = estimator.estimate(&scene.scene.features, grid);
+    let found = estimates.iter().find(|(kind, _)| *kind == KD);
+    let (_, times) = found.expect("it was measured on every scene");
+    let hierarchy = Hierarchy {
+        build_seconds: times.build_seconds,
+        ray_seconds: times.ray_seconds,
+    };
+    hierarchy.critical_rays(grid.ray_seconds, EPSILON)
+}
+
+/// R_C as the decision has it, with the grid paid for, from what was measured.
+fn once_built(scene: &Measured) -> Option<f64> {
+    let kd = scene.times(KD);
+    let measured = Hierarchy {
+        build_seconds: kd.build_seconds,
+        ray_seconds: kd.ray_seconds,
+    };
+    let is_faster = kd.ray_seconds < ray_of_grid(scene);
+    is_faster.then(|| measured.critical_rays(ray_of_grid(scene), EPSILON))
+}
+
+/// Both figures as one.
+pub(super) fn to_svg(estimates: &[Estimates; 2]) -> anyhow::Result<String> {
+    let mut lines = Vec::new();
+    for of_scheme in estimates {
+        let rays = name(of_scheme.scheme);
+        let line = |what: &str, values: &[[f64; 2]], which: usize| {
+            let points = (1..)
+                .zip(values)
+                .map(|(scenes, errors)| (f64::from(scenes), errors[which]));
+            (format!("{rays}, {what}"), points.collect::<Vec<_>>())
+        };
+        lines.push(line("error", &of_scheme.paper, 0));
+        lines.push(line("|error|", &of_scheme.paper, 1));
+        lines.push(line("widened |error|", &of_scheme.widened, 1));
+    }
+    let plot = LinePlot {
+        x_axis: "scenes of the calibration",
+        y_axis: "error of the estimate of R_C, %",
+        scale: Axis::Linear,
+        lines,
+    };
+    plot.to_svg()
+}

@@ -1,0 +1,265 @@
+//! Taking the times of the table.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use kd::{BuildOptions, Hit, LazyTree, Mesh, Ray};
+use kd_grid::{GridOptions, UniformGrid};
+use kd_select::{Features, MeasuredScene, Opening, RayScheme, Structure as Kind, Times};
+
+use super::PaperArgs;
+use super::rays::{self, Answered, Rays};
+use super::scenes::GridScene;
+use crate::record::{Steps, median};
+use crate::structure::{BuilderName, LayoutName, Shape, Structure, StructureName, Variant};
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Settings {
+    repeats: usize,
+    random_rays: usize,
+    /// Pixels along the side of the picture whose paths are traced.
+    side: u32,
+    /// Random combinations of scenes for each size of a calibration.
+    pub(super) combinations: usize,
+}
+
+/// A scene measured with one kind of rays.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    pub(super) family: String,
+    pub(super) scene: MeasuredScene,
+    /// What a ray took in the grid by the sample that a decision is made from, in seconds.
+    pub(super) sample_ray_seconds: f64,
+}
+
+/// Rays of a sample: the paper takes 100 to 1000.
+const SAMPLE: usize = 512;
+/// A lazy tree is looked at after one in so many rays, too.
+const EARLY: usize = 16;
+
+/// The structures that are built before rays are asked.
+const BUILT: [(Kind, Variant); 4] = [
+    (
+        Kind::Grid,
+        variant(StructureName::Grid, BuilderName::Exact, LayoutName::Own),
+    ),
+    (
+        Kind::Fast,
+        variant(StructureName::Kd, BuilderName::Fast, LayoutName::Wide),
+    ),
+    (
+        Kind::Balanced,
+        variant(StructureName::Kd, BuilderName::Balanced, LayoutName::Wide),
+    ),
+    (
+        Kind::Best,
+        variant(StructureName::Kd, BuilderName::Best, LayoutName::Wide),
+    ),
+];
+
+const fn variant(structure: StructureName, builder: BuilderName, layout: LayoutName) -> Variant {
+    Variant {
+        structure,
+        builder,
+        layout,
+    }
+}
+
+impl Settings {
+    pub(super) fn new(arguments: &PaperArgs) -> Self {
+        let repeats = arguments.samples;
+        if arguments.smoke {
+            Self {
+                repeats,
+                random_rays: 1 << 10,
+                side: 24,
+                combinations: 50,
+            }
+        } else {
+            Self {
+                repeats,
+                random_rays: 1 << 15,
+                side: 96,
+                combinations: 5000,
+            }
+        }
+    }
+}
+
+impl Measured {
+    pub(super) fn triangles(&self) -> u64 {
+        self.scene.features.triangles
+    }
+
+    pub(super) fn times(&self, kind: Kind) -> &Times {
+        let times = self.scene.times_of(kind);
+        times.expect("every structure is measured on every scene")
+    }
+
+    /// What the decision knows of the grid: how long it took to build, and what a ray of the sample took.
+    pub(super) fn sampled_grid(&self) -> Times {
+        Times::new(
+            self.times(Kind::Grid).build_seconds,
+            self.sample_ray_seconds,
+        )
+    }
+}
+
+/// Seconds of one structure, run by run.
+#[derive(Debug, Default)]
+struct Runs {
+    build: Vec<f64>,
+    /// Of all rays of each kind.
+    rays: [Vec<f64>; 2],
+}
+
+/// The scene with each kind of rays; none if it has nothing to hit.
+pub(super) fn measure(
+    source: &GridScene,
+    settings: &Settings,
+    problems: &mut Vec<String>,
+) -> anyhow::Result<Vec<Measured>> {
+    let loaded = source.load()?;
+    if loaded.mesh.is_empty() {
+        return Ok(Vec::new());
+    }
+    let kinds = [
+        rays::random(&loaded, settings.random_rays),
+        rays::path_traced(&loaded.description, settings.side)?,
+    ];
+    let mesh = &loaded.mesh;
+    let grid = UniformGrid::build(mesh, &GridOptions::new())?;
+    let features = Features::from(&grid.stats());
+    drop(grid);
+
+    let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
+    let mut samples = [Vec::new(), Vec::new()];
+    let mut lazy = [Vec::new(), Vec::new()];
+    for repeat in 0..settings.repeats {
+        let mut expected: Option<[Answered; 2]> = None;
+        for (kind, variant) in BUILT.iter().rev() {
+            let built = variant.build(mesh, 1)?;
+            let structure = &*built.structure;
+            let of_kind = runs.entry(*kind).or_default();
+            of_kind.build.push(built.seconds);
+            let mut answers = [Answered::default(), Answered::default()];
+            for (number, rays) in kinds.iter().enumerate() {
+                if *kind == Kind::Grid {
+                    let sample = rays.spread(SAMPLE);
+                    let seconds = seconds_of(structure, &sample, &mut Answered::default());
+                    samples[number].push(seconds / sample.len() as f64);
+                }
+                let seconds = seconds_of(structure, rays, &mut answers[number]);
+                of_kind.rays[number].push(seconds);
+            }
+            let expected = expected.get_or_insert_with(|| answers.clone());
+            if repeat == 0 && answers != *expected {
+                problems.push(format!(
+                    "{}: {kind} answers otherwise than a kd-tree",
+                    loaded.name
+                ));
+            }
+        }
+        for (lazy, rays) in lazy.iter_mut().zip(&kinds) {
+            lazy.push(lazy_times(mesh, rays)?);
+        }
+    }
+    let measured = [RayScheme::Random, RayScheme::Path].into_iter().enumerate();
+    let measured = measured.map(|(number, scheme)| {
+        let count = kinds[number].len() as f64;
+        let built = runs.iter().map(|(kind, runs)| {
+            let ray = median(&runs.rays[number]) / count;
+            (*kind, Times::new(median(&runs.build), ray))
+        });
+        let mut times: BTreeMap<Kind, Times> = built.collect();
+        times.insert(Kind::Lazy, middle(&lazy[number]));
+        Measured {
+            family: loaded.family.clone(),
+            sample_ray_seconds: median(&samples[number]),
+            scene: MeasuredScene {
+                scene: loaded.name.clone(),
+                rays: scheme,
+                features,
+                times,
+            },
+        }
+    });
+    Ok(measured.collect())
+}
+
+fn seconds_of(structure: &dyn Structure, rays: &Rays, answers: &mut Answered) -> f64 {
+    // Room for answers is not what is measured.
+    *answers = Answered::default();
+    let start = Instant::now();
+    rays.answer(structure, answers);
+    start.elapsed().as_secs_f64()
+}
+
+/// What a tree costs that is built where rays go: seconds until the first one may be asked, of rays once all is opened that they
+/// open, and of opening it.
+fn lazy_times(mesh: &Arc<Mesh>, rays: &Rays) -> anyhow::Result<Times> {
+    let options = BuildOptions::balanced().with_threads(1);
+    let start = Instant::now();
+    let tree = Lazy(LazyTree::new(Arc::clone(mesh), &options)?);
+    let build_seconds = start.elapsed().as_secs_f64();
+    let mut answers = Answered::default();
+    let early = rays.spread(rays.len() / EARLY);
+    let first = seconds_of(&tree, &early, &mut answers);
+    let rest = seconds_of(&tree, rays, &mut answers);
+    let again = seconds_of(&tree, rays, &mut answers);
+    let ray_seconds = again / rays.len() as f64;
+    let early_rays = early.len() as f64;
+    // A clock that was disturbed may find less than nothing.
+    let opened_early = (first - early_rays * ray_seconds).max(0.0);
+    let opened = (opened_early + rest - again).max(opened_early);
+    let share = if opened > 0.0 {
+        opened_early / opened
+    } else {
+        1.0
+    };
+    // Of 1 − exp(−early / rays) = share; a share of nothing or of all leaves room for the logarithm.
+    let rays_of_opening = early_rays / -(1.0 - share).clamp(1e-6, 1.0 - 1e-6).ln();
+    Ok(Times {
+        build_seconds,
+        ray_seconds,
+        opening: Some(Opening {
+            seconds: opened,
+            rays: rays_of_opening,
+        }),
+    })
+}
+
+/// The run whose total is in the middle.
+fn middle(runs: &[Times]) -> Times {
+    const MANY: f64 = 1e4;
+    let mut runs = runs.to_vec();
+    runs.sort_by(|a, b| a.total(MANY).total_cmp(&b.total(MANY)));
+    runs[runs.len() / 2]
+}
+
+/// A lazy tree, asked like any other.
+struct Lazy(LazyTree);
+
+impl Structure for Lazy {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.0.intersect_batch(rays, hits);
+    }
+
+    fn any(&self, rays: &[Ray], hits: &mut [bool]) {
+        self.0.occluded_batch(rays, hits);
+    }
+
+    fn counted(&self, _: &Ray) -> Option<(Option<Hit>, Steps)> {
+        None
+    }
+
+    fn shape(&self) -> Shape {
+        Shape::unknown()
+    }
+
+    fn flaw(&self) -> Option<String> {
+        None
+    }
+}

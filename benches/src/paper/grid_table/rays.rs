@@ -1,0 +1,106 @@
+//! The paper's two kinds of rays: through two random points of the bounding sphere, and those of a path tracer.
+
+use std::sync::Mutex;
+
+use kd::{BuildOptions, Hit, Ray, Strategy};
+use kd_render::{FrameTracer, PartHit, RenderMethod, RenderOptions, Stage, Tracer, render};
+use kd_scene::SceneDescription;
+use rayon::ThreadPoolBuilder;
+
+use super::scenes::Loaded;
+use crate::rays::{RayKind, RaySource};
+use crate::structure::Structure;
+
+/// Rays by what is asked about them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rays {
+    pub(super) closest: Vec<Ray>,
+    pub(super) any: Vec<Ray>,
+}
+
+/// What was answered.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Answered {
+    closest: Vec<Option<Hit>>,
+    any: Vec<bool>,
+}
+
+impl Rays {
+    pub(super) fn len(&self) -> usize {
+        self.closest.len() + self.any.len()
+    }
+
+    pub(super) fn answer(&self, structure: &dyn Structure, answered: &mut Answered) {
+        answered.closest.resize(self.closest.len(), None);
+        answered.any.resize(self.any.len(), false);
+        structure.closest(&self.closest, &mut answered.closest);
+        structure.any(&self.any, &mut answered.any);
+    }
+
+    /// About so many, spread evenly over all.
+    pub(super) fn spread(&self, count: usize) -> Self {
+        let stride = self.len().div_ceil(count.max(1)).max(1);
+        let some = |rays: &[Ray]| rays.iter().copied().step_by(stride).collect();
+        Self {
+            closest: some(&self.closest),
+            any: some(&self.any),
+        }
+    }
+}
+
+/// Through two random points of the bounding sphere.
+pub(super) fn random(scene: &Loaded, count: usize) -> Rays {
+    let placeholder = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
+    let source = RaySource {
+        mesh: &scene.mesh,
+        light: kd::glam::Vec3::ZERO,
+        primary: &vec![placeholder; count],
+        points: &[],
+        limit: 0,
+    };
+    Rays {
+        closest: source.rays(RayKind::Random),
+        any: Vec::new(),
+    }
+}
+
+/// Those of a path tracer that renders a picture of so many pixels along its side: closest hits of camera rays and of rays that
+/// surfaces scatter, three times each, and any hit of those to a light.
+pub(super) fn path_traced(scene: &SceneDescription, side: u32) -> anyhow::Result<Rays> {
+    let stage = Stage::new(scene.clone(), BuildOptions::fast(), Strategy::default())?;
+    let options = RenderOptions {
+        width: side,
+        height: side,
+        method: RenderMethod::Diffuse,
+        bounces: 3,
+        ..RenderOptions::default()
+    };
+    let recorder = Recorder {
+        tracer: stage.tracer(),
+        rays: Mutex::default(),
+    };
+    // On one thread, so that rays come in the same order always.
+    let pool = ThreadPoolBuilder::new().num_threads(1).build()?;
+    pool.install(|| render(&stage, &recorder, &stage.camera(), &options, &|_| {}));
+    Ok(recorder.rays.into_inner().expect("no thread panicked"))
+}
+
+/// Answers as another does, and writes down what was asked.
+struct Recorder<'a> {
+    tracer: FrameTracer<'a>,
+    rays: Mutex<Rays>,
+}
+
+impl Tracer for Recorder<'_> {
+    fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
+        let mut recorded = self.rays.lock().expect("no thread panicked");
+        recorded.closest.extend_from_slice(rays);
+        self.tracer.intersect(rays, hits);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        let mut recorded = self.rays.lock().expect("no thread panicked");
+        recorded.any.extend_from_slice(rays);
+        self.tracer.occluded(rays, occluded);
+    }
+}
