@@ -32,5 +32,6 @@
 //! ```
 
 pub use crate::collect::{Any, Closest, Collect, Ordered};
-pub use crate::planes::{Frame, RayPlanes, Span};
+pub use crate::planes::{Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::triangle::TriangleTest;
+pub use crate::wide::{BinaryNode, BinaryTree};

@@ -9,6 +9,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-sah", &["kd-core"]),
     ("kd-merge", &["kd-core", "kd-sah"]),
     ("kd-trace", &["kd-core"]),
+    ("kd-bvh", &["kd-core", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-render", &["kd", "kd-scene"]),
     ("kd-cli", &["kd", "kd-render", "kd-scene"]),
