@@ -105,7 +105,7 @@ fn trace<C: Collect + Default, P: Probe>(
     let mut octants: [Vec<Member<C>>; 8] = Default::default();
     for (first, rays) in (0..).step_by(MOST).zip(rays.chunks(MOST)) {
         for (number, ray) in (first..).zip(rays) {
-            if let Some(ray) = PreparedRay::new(ray, bvh) {
+            if let Some(ray) = PreparedRay::new(ray, bvh, probe) {
                 let planes = ray.planes();
                 let octant = (0..3).map(|axis| usize::from(planes.is_downwards(axis)) << axis);
                 octants[octant.sum::<usize>()].push(Member {
@@ -136,8 +136,6 @@ fn trace_octant<C: Collect, P: Probe>(
     let planes = || PacketPlanes::new(members.iter().map(|member| member.ray.planes()));
     let Some(planes) = together.then(planes).flatten() else {
         for member in members {
-            // That it meets the root.
-            probe.ray_box();
             walk(bvh, mesh, member.ray, &mut member.collector, probe);
         }
         return;

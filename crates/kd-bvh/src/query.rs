@@ -70,9 +70,7 @@ impl Bvh {
         collector: &mut impl Collect,
         probe: &mut impl Probe,
     ) {
-        if let Some(ray) = PreparedRay::new(ray, self) {
-            // That it meets the root.
-            probe.ray_box();
+        if let Some(ray) = PreparedRay::new(ray, self, probe) {
             walk(self, mesh, ray, collector, probe);
         }
     }

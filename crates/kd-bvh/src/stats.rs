@@ -48,22 +48,24 @@ impl Bvh {
             sah_cost_own: sah_cost(&self.nodes, &self.cost),
             bytes: size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice()),
         };
-        // Second children that the walk along the nodes has not come to; as many as there are nodes above.
-        let mut seconds = Vec::new();
-        for (place, node) in (0..).zip(&self.nodes) {
-            if seconds.last() == Some(&place) {
-                seconds.pop();
-            }
-            match node.view() {
-                BvhNodeView::Leaf { count, .. } => {
-                    stats.leaves += 1;
-                    stats.references += count as usize;
-                }
-                BvhNodeView::Interior { second, .. } => seconds.push(second),
-            }
-            stats.depth = stats.depth.max(seconds.len());
+        if !self.nodes.is_empty() {
+            self.count_below(0, 0, &mut stats);
         }
         stats
+    }
+
+    fn count_below(&self, place: u32, depth: usize, stats: &mut BvhStats) {
+        match self.nodes[place as usize].view() {
+            BvhNodeView::Leaf { count, .. } => {
+                stats.leaves += 1;
+                stats.references += count as usize;
+                stats.depth = stats.depth.max(depth);
+            }
+            BvhNodeView::Interior { second, .. } => {
+                self.count_below(place + 1, depth + 1, stats);
+                self.count_below(second, depth + 1, stats);
+            }
+        }
     }
 }
 

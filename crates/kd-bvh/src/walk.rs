@@ -28,13 +28,14 @@ struct Pending {
 impl PreparedRay {
     /// `None` if it misses all of the hierarchy.
     #[inline]
-    pub(crate) fn new(ray: &Ray, bvh: &Bvh) -> Option<Self> {
+    pub(crate) fn new(ray: &Ray, bvh: &Bvh, probe: &mut impl Probe) -> Option<Self> {
         let root = bvh.nodes.first()?;
         if !ray.can_hit() {
             return None;
         }
         let planes = RayPlanes::new(ray, &bvh.frame);
         let range = planes.range(ray);
+        probe.ray_box();
         planes.clip_span(range, &root.bounds())?;
         let test = TriangleTest::new(ray, planes.reach());
         Some(Self {

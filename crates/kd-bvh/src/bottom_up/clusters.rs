@@ -152,3 +152,42 @@ fn partner(free: &[Free], place: u32, radius: usize) -> u32 {
     }
     place ^ best.1
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3A;
+
+    use super::*;
+
+    fn at(places: impl Iterator<Item = f32>) -> Vec<Free> {
+        let cube = |(number, x): (u32, f32)| {
+            let bounds = Bounds {
+                min: Vec3A::splat(x),
+                max: Vec3A::splat(x + 1.0),
+            };
+            Free { bounds, number }
+        };
+        (0..).zip(places).map(cube).collect()
+    }
+
+    /// How many choose each other.
+    fn in_pairs(free: &[Free], radius: usize) -> usize {
+        let partners = partners(free, radius, false);
+        let of = |place: usize| partners[place] as usize;
+        (0..free.len())
+            .filter(|place| of(*place) != *place && of(of(*place)) == *place)
+            .count()
+    }
+
+    #[test]
+    fn there_are_always_pairs_enough() {
+        let equal = at((0..1001).map(|_| 0.0));
+        assert_eq!(in_pairs(&equal, 16), 1000, "one is left over");
+        // Each is nearer to the one before than to the one after it.
+        let growing = at((0..1001).map(|i| (i * i) as f32));
+        assert_eq!(in_pairs(&growing, 16), 1000, "neighbours");
+        assert_eq!(in_pairs(&growing, 1001), 2, "all with all, as it should be");
+        let two_by_two = at((0..1000).map(|i| (i / 2 * 10 + i % 2) as f32));
+        assert_eq!(in_pairs(&two_by_two, 16), 1000, "each has its own");
+    }
+}

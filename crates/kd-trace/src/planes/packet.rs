@@ -2,8 +2,12 @@
 //!
 //! Interval arithmetic over the rays of a packet (S. Boulos, I. Wald, P. Shirley, *Geometric and Arithmetic Culling Methods
 //! for Entire Ray Packets*, 2006): the crossing of a plane is a product of two factors, each of which lies in an interval, so
-//! that it lies between products of their ends. Rounding is monotone, so the bounds hold for what [`RayPlanes`] computes, to
-//! the bit, and need no bound of their own.
+//! that it lies between products of their ends.
+//!
+//! The bound of a ray is about as wide on each side of every plane across an axis, if it is measured along the axis, and much
+//! the same for all rays, so that faces can be moved by the largest. It is `2⁻²⁰ Q` and more, Q being the largest distance to a
+//! face of the whole box; half as much again makes up for rounding here and in [`RayPlanes`], which is below `2⁻²¹ Q`: six
+//! operations with a relative error of 2⁻²⁴ each.
 
 use kd_core::Aabb;
 
@@ -22,8 +26,8 @@ struct PacketAxis {
     origin: [f32; 2],
     /// All of one sign.
     inverse: [f32; 2],
-    /// The largest.
-    pad: f32,
+    /// How far faces are moved outwards.
+    margin: f32,
     is_downwards: bool,
 }
 
@@ -41,7 +45,7 @@ impl PacketPlanes {
                 }
                 all.origin = around(all.origin, one.origin);
                 all.inverse = around(all.inverse, one.inverse);
-                all.pad = max(one.pad, all.pad);
+                all.margin = max(one.margin, all.margin);
             }
         }
         Some(packet)
@@ -52,31 +56,28 @@ impl PacketPlanes {
         let axes = [x, y, z].map(|planes| PacketAxis {
             origin: [planes.origin; 2],
             inverse: [planes.inverse; 2],
-            pad: planes.pad,
+            margin: 1.5 * planes.pad / planes.inverse.abs(),
             is_downwards: planes.near != 0,
         });
         Self { axes }
     }
 
     /// Whether [`RayPlanes::clip_span`] gives `None` for each of the rays and any part of the span. If not, all of them may
-    /// miss the box still.
+    /// miss the box still. The box is one for which that can be asked.
     #[inline]
     pub fn all_miss(&self, mut span: Span, bounds: &Aabb) -> bool {
         for (index, axis) in self.axes.iter().enumerate() {
-            // From the ray that is furthest behind to the one furthest ahead.
-            let distances = |face: f32| {
-                let [lowest, highest] = axis.origin;
-                [face - highest, face - lowest]
-            };
-            let [lower, upper] = [bounds.min[index], bounds.max[index]].map(distances);
+            // The lower face from the highest origin, and the upper one from the lowest.
+            let lower = bounds.min[index] - axis.origin[1] - axis.margin;
+            let upper = bounds.max[index] - axis.origin[0] + axis.margin;
             let (near, far) = if axis.is_downwards {
-                (upper[1], lower[0])
+                (upper, lower)
             } else {
-                (lower[0], upper[1])
+                (lower, upper)
             };
             let [near, far] = [near, far].map(|distance| axis.inverse.map(|i| distance * i));
-            span.enter = max(min(near[0], near[1]) - axis.pad, span.enter);
-            span.exit = min(max(far[0], far[1]) + axis.pad, span.exit);
+            span.enter = max(min(near[0], near[1]), span.enter);
+            span.exit = min(max(far[0], far[1]), span.exit);
         }
         span.enter > span.exit
     }
@@ -112,7 +113,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4000))]
 
-        /// What the packet calls a miss is one for each of its rays, to the last bit.
+        /// What the packet calls a miss is one for each of its rays.
         #[test]
         fn a_packet_misses_only_what_its_rays_miss(
             corners in [point(), point(), point()],
@@ -138,9 +139,47 @@ mod tests {
                 for (ray, planes) in &planes {
                     prop_assert!(planes.clip_span(span, &part).is_none(), "{ray:?} {part:?}");
                 }
-            } else if let [(ray, planes)] = planes[..] {
-                prop_assert!(planes.clip_span(span, &part).is_some(), "alone: {ray:?} {part:?}");
             }
+        }
+    }
+
+    /// Rays that spread a little, one of which goes along an axis, and boxes on either side of what they may meet.
+    #[test]
+    fn a_packet_that_is_beside_a_box_misses_it() {
+        let frame = Frame::new(&Aabb::around([Vec3::ZERO, Vec3::splat(100.0)]));
+        let directions = (0..9).map(|i| Vec3::new(0.01 * i as f32, 1.0, 0.02 * i as f32));
+        let rays: Vec<RayPlanes> = directions
+            .map(|d| RayPlanes::new(&Ray::new([1.0; 3], d), &frame))
+            .collect();
+        let packet = PacketPlanes::new(&rays).expect("all go upwards");
+        let cube = |center: Vec3| Aabb::around([center - 0.5, center + 0.5]);
+        let span = |enter, exit| Span { enter, exit };
+        let ahead = cube(Vec3::new(1.2, 11.0, 2.0));
+        for (bounds, span, misses) in [
+            (ahead, span(0.0, f32::INFINITY), false),
+            (ahead, span(0.0, 9.0), true),
+            (ahead, span(11.0, f32::INFINITY), true),
+            (
+                cube(Vec3::new(3.0, 11.0, 2.0)),
+                span(0.0, f32::INFINITY),
+                true,
+            ),
+            (
+                cube(Vec3::new(1.2, 11.0, 0.3)),
+                span(0.0, f32::INFINITY),
+                true,
+            ),
+            (
+                cube(Vec3::new(1.2, 0.3, 1.2)),
+                span(0.0, f32::INFINITY),
+                true,
+            ),
+        ] {
+            assert_eq!(
+                packet.all_miss(span, &bounds),
+                misses,
+                "{bounds:?} {span:?}"
+            );
         }
     }
 

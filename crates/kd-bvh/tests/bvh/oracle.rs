@@ -1,0 +1,93 @@
+//! Every query of every hierarchy gives what brute force gives.
+
+use kd_core::{Mesh, Ray};
+
+use crate::check::{Subject, check};
+use crate::rays::{self, Rays};
+use crate::scenes;
+
+const RAYS: usize = 10_000;
+
+/// Traces rays, and gives how many of them hit.
+#[track_caller]
+fn check_rays(name: &str, mesh: &Mesh, count: usize) -> usize {
+    let subjects = Subject::all(mesh);
+    let mut rays = Rays::new(mesh, &subjects, 1);
+    let (mut hit, mut traced) = (0, 0);
+    while traced < count {
+        let ray = rays.next();
+        let hits = check(name, mesh, &subjects, &ray);
+        traced += 1;
+        if !hits.is_empty() {
+            hit += 1;
+            if rays.rng.below(4) == 0 {
+                let t = rays.rng.pick(&hits);
+                check(name, mesh, &subjects, &rays.ending_at(&ray, t));
+                traced += 1;
+            }
+        }
+    }
+    for ray in rays::bad() {
+        assert!(
+            check(name, mesh, &subjects, &ray).is_empty(),
+            "{name}: {ray:?}"
+        );
+    }
+    hit
+}
+
+#[test]
+fn generated_scenes() {
+    for (name, mesh) in scenes::generated() {
+        let hit = check_rays(name, &mesh, RAYS);
+        assert!(hit > RAYS / 3, "{name}: {hit} hit");
+    }
+}
+
+#[test]
+fn nasty_scenes() {
+    for (name, mesh) in scenes::nasty() {
+        let hit = check_rays(name, &mesh, RAYS);
+        // Far off few coordinates can be told apart, and at the ends of f32 most rays are not finite.
+        let least = if name == "largest" { 100 } else { RAYS / 20 };
+        assert!(hit > least, "{name}: {hit} hit");
+    }
+}
+
+#[test]
+fn nothing_is_never_hit() {
+    let mesh = scenes::soup(&[]);
+    let subjects = Subject::all(&mesh);
+    let good = Ray::new([0.0; 3], [1.0, 2.0, 3.0]);
+    for ray in rays::bad().into_iter().chain([good]) {
+        assert!(
+            check("nothing", &mesh, &subjects, &ray).is_empty(),
+            "{ray:?}"
+        );
+    }
+    for Subject { bvh, .. } in subjects {
+        assert!(bvh.nodes().is_empty() && bvh.bounds().is_empty(), "{bvh:?}");
+        let stats = bvh.stats();
+        assert_eq!((stats.nodes, stats.sah_cost_15_20), (0, 0.0), "{stats}");
+    }
+}
+
+#[test]
+fn a_hierarchy_helps() {
+    let mesh = scenes::sphere(4);
+    for Subject { bvh, options, .. } in Subject::all(&mesh) {
+        let ray = Ray::new([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]);
+        let (hit, counts) = bvh.intersect_counted(&mesh, &ray);
+        assert_eq!(hit, bvh.intersect(&mesh, &ray), "counting changes nothing");
+        assert!(
+            hit.is_some() && counts.triangles > 0,
+            "it points at the sphere"
+        );
+        // The half behind is passed over.
+        assert!(counts.triangles < 250, "{options:?}, {counts:?} of 2048");
+        assert!(counts.ray_boxes < 120, "{options:?}, {counts:?}");
+        let beside = Ray::new([3.0; 3], [0.0, 0.0, 1.0]);
+        let (_, counts) = bvh.intersect_counted(&mesh, &beside);
+        assert_eq!((counts.ray_boxes, counts.triangles), (1, 0), "the root's");
+    }
+}
