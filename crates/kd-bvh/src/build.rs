@@ -5,9 +5,9 @@ mod equal_counts;
 mod midpoint;
 mod sweep;
 
-use kd_core::{Axis, CostModel, MAX_DEPTH};
+use kd_core::{CostModel, MAX_DEPTH};
 
-use crate::item::{Around, Bounds, Item};
+use crate::item::{Around, Bounds, Item, apart};
 use crate::node::BvhNode;
 use crate::tasks;
 
@@ -37,8 +37,6 @@ pub(crate) trait Divide: Sync {
 /// Items that were divided.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Division {
-    /// The first part is lower on it.
-    pub(crate) axis: Axis,
     /// How many items are in the first part: some, and not all.
     pub(crate) middle: usize,
     /// What both parts cost as leaves, times half areas.
@@ -47,11 +45,10 @@ pub(crate) struct Division {
 
 impl Division {
     /// Of items that are in order already.
-    pub(crate) fn at(middle: usize, axis: Axis, items: &[Item], model: &CostModel) -> Self {
+    pub(crate) fn at(middle: usize, items: &[Item], model: &CostModel) -> Self {
         let (lower, upper) = items.split_at(middle);
         let cost = [lower, upper].map(|part| cost_as_leaf(&Bounds::of(part), part.len(), model));
         Self {
-            axis,
             middle,
             cost: cost[0] + cost[1],
         }
@@ -92,13 +89,13 @@ impl<D: Divide> Driver<'_, D> {
     pub(crate) fn add(
         &self,
         items: &mut [Item],
+        around: &Around,
         first: u32,
         depth: usize,
         to: &mut Output<D::Scratch>,
     ) {
-        let around = Around::of(items);
         let bounds = around.bounds.aabb();
-        let Some(division) = self.division(items, &around, depth, &mut to.scratch) else {
+        let Some(division) = self.division(items, around, depth, &mut to.scratch) else {
             // Whichever way it was divided before, a leaf has one order.
             items.sort_unstable_by_key(|item| item.triangle);
             to.nodes.push(BvhNode::leaf(&bounds, first, count(items)));
@@ -107,24 +104,33 @@ impl<D: Divide> Driver<'_, D> {
         let place = to.nodes.len();
         // Filled when it is known where the second child is.
         to.nodes.push(BvhNode::leaf(&bounds, first, 0));
-        let (lower, upper) = items.split_at_mut(division.middle);
+        let mut middle = division.middle;
+        let mut parts = [&items[..middle], &items[middle..]].map(Around::of);
+        // Whatever told the parts from each other may not be what tells which one a ray meets first.
+        let (axis, is_second_lower) = apart(&parts[0].bounds, &parts[1].bounds);
+        if is_second_lower {
+            items.rotate_left(middle);
+            middle = items.len() - middle;
+            parts.reverse();
+        }
+        let (lower, upper) = items.split_at_mut(middle);
         let (at, depth) = (first + count(lower), depth + 1);
         let second;
         if self.is_parallel && lower.len().min(upper.len()) >= TASK {
             let mut other = Output::default();
             tasks::join(
-                || self.add(lower, first, depth, to),
-                || self.add(upper, at, depth, &mut other),
+                || self.add(lower, &parts[0], first, depth, to),
+                || self.add(upper, &parts[1], at, depth, &mut other),
             );
             second = index(&to.nodes);
             to.nodes
                 .extend(other.nodes.iter().map(|node| node.moved(second)));
         } else {
-            self.add(lower, first, depth, to);
+            self.add(lower, &parts[0], first, depth, to);
             second = index(&to.nodes);
-            self.add(upper, at, depth, to);
+            self.add(upper, &parts[1], at, depth, to);
         }
-        to.nodes[place] = BvhNode::interior(&bounds, division.axis, second);
+        to.nodes[place] = BvhNode::interior(&bounds, axis, second);
     }
 
     /// How to divide items; `None` if they are a leaf.

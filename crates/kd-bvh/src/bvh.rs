@@ -4,7 +4,7 @@ use kd_core::{Aabb, CostModel, Mesh, PrimSource};
 use kd_trace::kit::Frame;
 
 use crate::build::{Binned, Divide, Driver, EqualCounts, Midpoint, Output, Sweep};
-use crate::item::Item;
+use crate::item::{Around, Item};
 use crate::node::BvhNode;
 use crate::options::{BuildError, BvhMethod, BvhOptions};
 use crate::{bottom_up, stats, tasks};
@@ -122,6 +122,6 @@ fn top_down<D: Divide>(
         is_parallel,
     };
     let mut output = Output::default();
-    driver.add(items, 0, 0, &mut output);
+    driver.add(items, &Around::of(items), 0, 0, &mut output);
     output.nodes
 }

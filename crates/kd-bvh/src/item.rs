@@ -127,8 +127,16 @@ impl Around {
     }
 }
 
+/// The axis on which the centres of two boxes lie furthest apart, and whether the second is the lower one there: rays meet
+/// the lower one first that go upwards on it.
+pub(crate) fn apart(first: &Bounds, second: &Bounds) -> (Axis, bool) {
+    let apart = second.center() - first.center();
+    let axis = widest_axis(apart.abs());
+    (axis, apart[axis.index()] < 0.0)
+}
+
 /// The axis of the largest component; the first among equals.
-pub(crate) fn widest_axis(extent: Vec3A) -> Axis {
+fn widest_axis(extent: Vec3A) -> Axis {
     let [x, y, z] = extent.to_array();
     if x >= y && x >= z {
         Axis::X

@@ -33,7 +33,8 @@ const LEAF: u32 = 3;
 pub enum BvhNodeView {
     /// Two children, whose boxes may overlap. The first is the next node.
     Interior {
-        /// The first child is the lower one on it, by the centres of what is in them when it was built.
+        /// The one on which the centres of the children's boxes were furthest apart when they were built. The first child
+        /// was the lower one.
         axis: Axis,
         /// The index of the second child.
         second: u32,

@@ -1,7 +1,7 @@
 //! Groups as nodes in depth-first order.
 
 use crate::build::{Driver, EqualCounts, Output, index, must_be_halved};
-use crate::item::{Bounds, Item, widest_axis};
+use crate::item::{Around, Bounds, Item, apart};
 use crate::node::BvhNode;
 use crate::options::BvhOptions;
 
@@ -44,13 +44,8 @@ impl<'a> Emitter<'a> {
             return self.add_halves(self.items_of(number), depth);
         }
         let [a, b] = group.parts.map(|part| part as usize);
-        let apart = self.bounds(b).center() - self.bounds(a).center();
-        let axis = widest_axis(apart.abs());
-        let [lower, upper] = if apart[axis.index()] < 0.0 {
-            [b, a]
-        } else {
-            [a, b]
-        };
+        let (axis, is_second_lower) = apart(&self.bounds(a), &self.bounds(b));
+        let [lower, upper] = if is_second_lower { [b, a] } else { [a, b] };
         let bounds = group.bounds.aabb();
         let place = self.output.nodes.len();
         // Filled when it is known where the second child is.
@@ -80,7 +75,8 @@ impl<'a> Emitter<'a> {
             is_parallel: false,
         };
         let first = u32::try_from(self.triangles.len()).expect("30 bits count triangles");
-        driver.add(&mut items, first, depth, &mut self.output);
+        let around = Around::of(&items);
+        driver.add(&mut items, &around, first, depth, &mut self.output);
         self.triangles
             .extend(items.iter().map(|item| item.triangle));
     }

@@ -1,7 +1,7 @@
 //! The cheapest of the divisions between equal parts of an axis.
 
 use glam::Vec3A;
-use kd_core::{Axis, CostModel};
+use kd_core::CostModel;
 
 use super::{Divide, Division, cost_as_leaf};
 use crate::item::{Around, Bounds, Item, partition};
@@ -105,17 +105,16 @@ impl Divide for Binned {
                 });
             }
         }
-        let mut best: Option<(Division, usize)> = None;
-        for (axis, bins) in Axis::ALL.into_iter().zip(scratch.bins.chunks(bins)) {
-            let cheapest = self.cheapest(axis, bins, &mut scratch.upper_costs);
+        let mut best: Option<(Division, usize, usize)> = None;
+        for (axis, bins) in scratch.bins.chunks(bins).enumerate() {
+            let cheapest = self.cheapest(bins, &mut scratch.upper_costs);
             if let Some((division, bin)) = cheapest
-                && best.is_none_or(|(best, _)| division.cost < best.cost)
+                && best.is_none_or(|(best, ..)| division.cost < best.cost)
             {
-                best = Some((division, bin));
+                best = Some((division, axis, bin));
             }
         }
-        let (division, first_upper) = best?;
-        let axis = division.axis.index();
+        let (division, axis, first_upper) = best?;
         let middle = partition(items, |item| grid.of(item)[axis] < first_upper);
         debug_assert_eq!(middle, division.middle, "items are in the same bins again");
         Some(division)
@@ -123,13 +122,8 @@ impl Divide for Binned {
 }
 
 impl Binned {
-    /// The best division of the bins of an axis, and the first bin of its upper part.
-    fn cheapest(
-        &self,
-        axis: Axis,
-        bins: &[Bin],
-        upper_costs: &mut Vec<f64>,
-    ) -> Option<(Division, usize)> {
+    /// The best division of bins, and the first bin of its upper part.
+    fn cheapest(&self, bins: &[Bin], upper_costs: &mut Vec<f64>) -> Option<(Division, usize)> {
         upper_costs.clear();
         upper_costs.resize(bins.len(), 0.0);
         let mut upper = Bin::EMPTY;
@@ -154,7 +148,7 @@ impl Binned {
             let cost = lower.cost(&self.model) + upper_costs[first_upper];
             if best.is_none_or(|(best, _)| cost < best.cost) {
                 let middle = lower.count;
-                best = Some((Division { axis, middle, cost }, first_upper));
+                best = Some((Division { middle, cost }, first_upper));
             }
         }
         best

@@ -15,7 +15,7 @@ impl EqualCounts {
         let axis = around.widest_axis();
         let middle = items.len() / 2;
         items.select_nth_unstable_by_key(middle, |item| item.key(axis));
-        Division::at(middle, axis, items, &self.0)
+        Division::at(middle, items, &self.0)
     }
 }
 

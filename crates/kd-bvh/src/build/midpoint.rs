@@ -18,6 +18,6 @@ impl Divide for Midpoint {
         let middle = partition(items, |item| item.bounds.center()[along] < plane);
         // Centres in one place, or so close that the middle is rounded to the lowest of them.
         let is_divided = middle > 0 && middle < items.len();
-        is_divided.then(|| Division::at(middle, axis, items, &self.0))
+        is_divided.then(|| Division::at(middle, items, &self.0))
     }
 }

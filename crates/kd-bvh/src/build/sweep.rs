@@ -20,7 +20,7 @@ impl Divide for Sweep {
         _: &Around,
         upper_costs: &mut Vec<f64>,
     ) -> Option<Division> {
-        let mut best: Option<Division> = None;
+        let mut best: Option<(Division, Axis)> = None;
         upper_costs.clear();
         upper_costs.resize(items.len(), 0.0);
         for axis in Axis::ALL {
@@ -34,17 +34,14 @@ impl Divide for Sweep {
             for (place, item) in (1..items.len()).zip(&*items) {
                 lower.grow(&item.bounds);
                 let cost = cost_as_leaf(&lower, place, &self.0) + upper_costs[place];
-                if best.is_none_or(|best| cost < best.cost) {
-                    best = Some(Division {
-                        axis,
-                        middle: place,
-                        cost,
-                    });
+                if best.is_none_or(|(best, _)| cost < best.cost) {
+                    let middle = place;
+                    best = Some((Division { middle, cost }, axis));
                 }
             }
         }
-        let best = best?;
-        items.sort_unstable_by_key(|item| item.key(best.axis));
-        Some(best)
+        let (division, axis) = best?;
+        items.sort_unstable_by_key(|item| item.key(axis));
+        Some(division)
     }
 }

@@ -1,5 +1,6 @@
 //! Every query of every hierarchy gives what brute force gives.
 
+use glam::Vec3;
 use kd_core::{Mesh, Ray};
 
 use crate::check::{Subject, check};
@@ -72,22 +73,45 @@ fn nothing_is_never_hit() {
     }
 }
 
+/// A row of triangles, all of which are hit: the first one is found first, and those behind it are not looked at.
 #[test]
-fn a_hierarchy_helps() {
-    let mesh = scenes::sphere(4);
+fn what_lies_behind_a_hit_is_passed_over() {
+    let row: Vec<[Vec3; 3]> = (0..512)
+        .map(|i| [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, i as f32)))
+        .collect();
+    let mesh = scenes::soup(&row);
     for Subject { bvh, options, .. } in Subject::all(&mesh) {
-        let ray = Ray::new([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]);
-        let (hit, counts) = bvh.intersect_counted(&mesh, &ray);
-        assert_eq!(hit, bvh.intersect(&mesh, &ray), "counting changes nothing");
-        assert!(
-            hit.is_some() && counts.triangles > 0,
-            "it points at the sphere"
-        );
-        // The half behind is passed over.
-        assert!(counts.triangles < 250, "{options:?}, {counts:?} of 2048");
-        assert!(counts.ray_boxes < 120, "{options:?}, {counts:?}");
+        // A leaf of one of the options holds up to a hundred.
+        let in_leaf = bvh.stats().references.div_ceil(bvh.stats().leaves);
+        for (start, direction) in [(-3.0, 1.0), (600.0, -1.0)] {
+            let ray = Ray::new([0.01, 0.02, start], [0.0, 0.0, direction]);
+            let (hit, counts) = bvh.intersect_counted(&mesh, &ray);
+            assert_eq!(hit, bvh.intersect(&mesh, &ray), "counting changes nothing");
+            assert!(hit.is_some(), "straight ahead");
+            let most = 2 * in_leaf as u64;
+            assert!(
+                counts.triangles <= most,
+                "{options:?}, {counts:?}, {in_leaf}"
+            );
+            // On the way to one leaf, two at each node.
+            let most = 1 + 2 * bvh.stats().depth as u64;
+            assert!(counts.ray_boxes <= most, "{options:?}, {counts:?}");
+
+            let mut hits = [None; 20];
+            let counts = bvh.intersect_packet_counted(&mesh, &[ray; 20], &mut hits);
+            let most = 20 * 2 * in_leaf as u64;
+            assert!(counts.triangles <= most, "packet, {options:?}, {counts:?}");
+        }
+    }
+}
+
+#[test]
+fn rays_beside_the_mesh_take_one_box() {
+    let mesh = scenes::sphere(3);
+    for Subject { bvh, .. } in Subject::all(&mesh) {
         let beside = Ray::new([3.0; 3], [0.0, 0.0, 1.0]);
-        let (_, counts) = bvh.intersect_counted(&mesh, &beside);
+        let (hit, counts) = bvh.intersect_counted(&mesh, &beside);
+        assert_eq!(hit, None, "beside");
         assert_eq!((counts.ray_boxes, counts.triangles), (1, 0), "the root's");
     }
 }

@@ -72,7 +72,7 @@ fn mixed_rays_answer_as_they_do_alone() {
             }
         }
         // Of one origin or about one direction, with ranges that end at a hit or just before it.
-        for _ in 0..40 {
+        for _ in 0..15 {
             let base = source.next();
             let spread = source.rng.pick(&[0.0, 1e-6, 1e-3, 0.1]);
             let rays: Vec<Ray> = (0..64)
@@ -128,6 +128,13 @@ fn each_step_takes_what_it_should() {
         (1, 100),
         "{packet:?}"
     );
+
+    // Mirrored rays between them are a packet of their own, which takes as much.
+    let mirrored = |ray: &Ray| Ray::new(ray.origin, ray.direction * Vec3::new(-1.0, 1.0, 1.0));
+    let mixed: Vec<Ray> = rays.iter().flat_map(|ray| [*ray, mirrored(ray)]).collect();
+    let (both, _) = counts(&mesh, &bvh, &mixed);
+    assert_eq!(both.ray_boxes, 2 * packet.ray_boxes, "{both:?}");
+    assert_eq!(both.packet_boxes, 2 * packet.packet_boxes, "{both:?}");
 
     // The first ten rays miss the leaf, and are not compared with anything below.
     let away = (0..10).map(|_| Ray::new([0.0; 3], [4.9, 0.05, 1.0]));

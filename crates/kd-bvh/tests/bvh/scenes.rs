@@ -153,7 +153,7 @@ fn stadium() -> Mesh {
 
 /// Triangles each twice as far as the last and twice as large, over all of f32: dividing in the middle parts one at a time.
 pub(crate) fn doubling() -> Mesh {
-    let triangles: Vec<[Vec3; 3]> = (-120..120)
+    let triangles: Vec<[Vec3; 3]> = (-70..70)
         .map(|power| {
             let far = 2.0_f32.powi(power);
             let at = |y: f32, z: f32| far * Vec3::new(1.0, y, z);
@@ -191,7 +191,7 @@ pub(crate) fn nasty() -> Vec<(&'static str, Mesh)> {
         ("slivers", slivers()),
         ("flat", flat()),
         ("zero area", zero_area()),
-        ("coincident", coincident(200)),
+        ("coincident", coincident(100)),
         ("stadium", stadium()),
         ("doubling", doubling()),
         ("huge", moved(&confetti, |p| 1e30 * p)),

@@ -61,7 +61,7 @@ impl Naive<'_> {
             .division(&triangles)
             .filter(|(_, _, cost)| own + cost < as_leaf || triangles.len() > self.max_leaf);
         let place = self.nodes.len();
-        let Some((axis, [lower, upper], _)) = division else {
+        let Some((_, [mut lower, mut upper], _)) = division else {
             triangles.sort_unstable();
             let [first, count] = [&self.triangles, &triangles].map(|list| list.len());
             let [first, count] = [first, count].map(|n| u32::try_from(n).expect("few"));
@@ -72,6 +72,16 @@ impl Naive<'_> {
         };
         self.nodes
             .push((bounds, BvhNodeView::Leaf { first: 0, count: 0 }));
+        let centers = [&lower, &upper].map(|part| self.bounds(part).center());
+        let apart = (centers[1] - centers[0]).to_array();
+        let wider = |best: Axis, axis: Axis| {
+            let is_wider = apart[axis.index()].abs() > apart[best.index()].abs();
+            if is_wider { axis } else { best }
+        };
+        let axis = Axis::ALL.into_iter().reduce(wider).expect("three");
+        if apart[axis.index()] < 0.0 {
+            std::mem::swap(&mut lower, &mut upper);
+        }
         self.add(lower);
         let second = u32::try_from(self.nodes.len()).expect("few");
         self.add(upper);
