@@ -30,7 +30,7 @@ pub struct Bvh {
 impl Bvh {
     /// Builds a hierarchy over a mesh.
     ///
-    /// Time is that of the [`BvhMethod`]; memory, besides the hierarchy, about 48 bytes a triangle, and three times as much
+    /// Time is that of the [`BvhMethod`]; memory, besides the hierarchy, about 48 bytes a triangle, and five times as much
     /// from the bottom up.
     ///
     /// # Errors

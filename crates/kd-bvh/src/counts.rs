@@ -17,7 +17,7 @@ impl Probe for () {}
 pub struct BvhCounts {
     /// Boxes that single rays were compared with.
     pub ray_boxes: u64,
-    /// Boxes that whole packets were compared with; each takes about as long as two of single rays.
+    /// Boxes that whole packets were compared with, in twice as many multiplications as for a ray.
     pub packet_boxes: u64,
     /// Triangles that rays were compared with.
     pub triangles: u64,

@@ -100,6 +100,16 @@ impl BvhOptions {
         self.method
     }
 
+    /// The most triangles of a leaf: see [`with_max_leaf`](Self::with_max_leaf).
+    pub const fn max_leaf(&self) -> u32 {
+        self.max_leaf
+    }
+
+    /// How many threads build: see [`with_threads`](Self::with_threads).
+    pub const fn threads(&self) -> usize {
+        self.threads
+    }
+
     pub(crate) fn check(&self) -> Result<(), BuildError> {
         let invalid = |name, rule| Err(BuildError::InvalidOption { name, rule });
         if let Some((name, rule)) = self.cost.problem() {

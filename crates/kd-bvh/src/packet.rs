@@ -1,6 +1,6 @@
 //! Packets: many rays through the hierarchy together.
 //!
-//! I. Wald, S. Boulos, P. Shirley, *Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies*, 2007, section 4;
+//! I. Wald, S. Boulos, P. Shirley, *Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies*, 2007;
 //! Eleftheriades 2010, section 2.2.3. A packet enters a node as soon as one of its rays is found that meets it:
 //!
 //! - *early hit test*: that is the first one that met the parent, most of the time, and no other is looked at;
@@ -23,7 +23,7 @@ use crate::walk::{PreparedRay, walk};
 const MOST: usize = 256;
 /// Fewer than that are traced one by one.
 const LEAST: usize = 4;
-/// Nothing is of interest any more.
+/// Around no ranges.
 const NOWHERE: Span = Span {
     enter: f32::INFINITY,
     exit: f32::NEG_INFINITY,
@@ -32,8 +32,9 @@ const NOWHERE: Span = Span {
 impl Bvh {
     /// [`intersect`](Self::intersect) for many rays, up to 256 at a time. Answers are the same, bit for bit.
     ///
-    /// Made for rays that lie close together, as those of a tile of a picture; put neighbours next to each other. Rays of
-    /// different octants may be mixed, and are sorted out.
+    /// Made for rays that lie close together, as those of a tile of a picture; put neighbours next to each other. Rays that
+    /// lie further apart than triangles are large take longer than one by one: each leaf is entered for a few of them, and
+    /// compared with many. Rays of different octants may be mixed, and are sorted out.
     ///
     /// # Panics
     ///
@@ -89,8 +90,8 @@ struct Member<C> {
     /// Which of all rays it is.
     number: usize,
     ray: PreparedRay,
-    /// Where hits are of interest; nowhere, once it is answered.
     collector: C,
+    /// Whether the collector wants no more.
     is_done: bool,
 }
 

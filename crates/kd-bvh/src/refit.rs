@@ -63,7 +63,7 @@ impl Bvh {
     ///
     /// This is the number by which to decide when to build anew. A ray takes about so many times as long as it did, so that
     /// building pays once the rays of a frame take longer, by more than a build, than they would at 1. (C. Lauterbach,
-    /// S. Yoon, D. Tuft, D. Manocha, *RT-DEFORM*, 2006, watch the same thing, and build at 1.4.)
+    /// S. Yoon, D. Tuft, D. Manocha, *RT-DEFORM*, 2006, decide by a number of this kind.)
     ///
     /// Costs are for rays that meet the root's box. If one triangle flies far away, few of those meet the others, and the
     /// number may even fall.

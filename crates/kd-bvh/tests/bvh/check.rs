@@ -137,7 +137,7 @@ impl Walk<'_> {
                 self.triangles += count;
                 let triangles = &self.bvh.triangles()[first as usize..][..count as usize];
                 assert!(triangles.is_sorted(), "in order: {triangles:?}");
-                let most = max_leaf(self.options);
+                let most = self.options.max_leaf();
                 assert!((1..=most).contains(&count), "{count} triangles of {most}");
                 let corners = triangles.iter().flat_map(|t| self.mesh.corners(*t));
                 (Aabb::around(corners), place + 1)
@@ -152,11 +152,4 @@ impl Walk<'_> {
         assert_eq!(node.bounds(), bounds, "the smallest box, node {place}");
         (bounds, end)
     }
-}
-
-/// The rows of options that are used here differ in it by their method.
-fn max_leaf(options: &BvhOptions) -> u32 {
-    (1..=100)
-        .find(|most| *options == options.clone().with_max_leaf(*most))
-        .expect("at most 100")
 }
