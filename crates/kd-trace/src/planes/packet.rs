@@ -143,6 +143,35 @@ mod tests {
         }
     }
 
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// Boxes at about the distance from a ray up to which it meets them.
+        #[test]
+        fn margins_are_wide_enough(
+            [ox, oy, oz] in [0.0_f32..1.0, 0.0_f32..1.0, 0.0_f32..1.0],
+            [dx, dy, dz] in [-1.0_f32..1.0, -1.0_f32..1.0, -1.0_f32..1.0],
+            t in 0.0_f32..1.0,
+            aside in [-3.0_f32..3.0, -3.0_f32..3.0, -3.0_f32..3.0],
+            spread in prop_oneof![Just(0.0_f32), Just(1e-7), Just(1e-4)],
+        ) {
+            let ray = Ray::new([ox, oy, oz], [dx, dy, dz]);
+            prop_assume!(ray.can_hit());
+            let point = ray.at(t) + Vec3::from_array(aside) / (1 << 20) as f32;
+            let part = Aabb::around([point.clamp(Vec3::ZERO, Vec3::ONE)]);
+            let frame = Frame::new(&Aabb::around([Vec3::ZERO, Vec3::ONE]));
+            let other = Ray::new(ray.origin, ray.direction * (1.0 - spread));
+            let rays = [ray, other].map(|ray| RayPlanes::new(&ray, &frame));
+            let packet = PacketPlanes::new(&rays).expect("the same way");
+            let span = Span { enter: f32::NEG_INFINITY, exit: f32::INFINITY };
+            if packet.all_miss(span, &part) {
+                for planes in &rays {
+                    prop_assert!(planes.clip_span(span, &part).is_none(), "{ray:?} {part:?}");
+                }
+            }
+        }
+    }
+
     /// Rays that spread a little, one of which goes along an axis, and boxes on either side of what they may meet.
     #[test]
     fn a_packet_that_is_beside_a_box_misses_it() {
