@@ -171,3 +171,22 @@ impl<'a> Rays<'a> {
         }
     }
 }
+
+/// Rays that hit nothing, whatever there is: not finite, without a direction, a range or a mask.
+pub fn that_cannot_hit() -> Vec<Ray> {
+    let good = Ray::new([0.1, 0.2, 0.3], [0.0, 0.0, 1.0]);
+    let (nan, infinity) = (f32::NAN, f32::INFINITY);
+    vec![
+        Ray::new([nan, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        Ray::new([0.0, infinity, 0.0], [0.0, 0.0, 1.0]),
+        Ray::new([0.0; 3], [0.0, nan, 1.0]),
+        Ray::new([0.0; 3], [0.0, -infinity, 1.0]),
+        Ray::new([0.0; 3], [0.0, -0.0, 0.0]),
+        good.with_range(nan, 2.0),
+        good.with_range(0.0, nan),
+        good.with_range(2.0, 0.0),
+        good.with_range(infinity, infinity),
+        good.with_range(-infinity, -infinity),
+        good.with_mask(0),
+    ]
+}

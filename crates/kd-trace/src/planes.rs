@@ -47,10 +47,13 @@
 //! Where anything overflows, an interval end becomes infinite or NaN, and every comparison is written so that NaN
 //! visits. Such rays are slow, not wrong.
 
+mod packet;
+
 use glam::Vec3;
 use kd_core::{Aabb, Ray};
 
 use crate::float::{max, min};
+pub use packet::PacketPlanes;
 
 /// Directions below this fraction of the largest are taken for it: 2⁻⁶⁰, inverted.
 const STEEPEST: f64 = (1_u64 << 60) as f64;
@@ -215,18 +218,33 @@ impl RayPlanes {
         }
     }
 
+    /// The range of a ray, in steps.
+    #[inline]
+    pub fn range(&self, ray: &Ray) -> Span {
+        Span {
+            enter: self.steps(ray.t_min),
+            exit: self.steps(ray.t_max),
+        }
+    }
+
     /// The part of the ray's range in which it may hit something in the box; `None` if there is none.
     #[inline]
     pub fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<Span> {
-        let mut span = Span {
-            enter: self.steps(ray.t_min),
-            exit: self.steps(ray.t_max),
-        };
-        for axis in 0..3 {
+        self.clip_span(self.range(ray), bounds)
+    }
+
+    /// The part of a span in which the ray may hit something in the box; `None` if there is none.
+    ///
+    /// The box is not empty and lies within that of the [`Frame`]. Two subtractions, multiplications and comparisons an axis:
+    /// made to be asked at every node.
+    #[inline]
+    pub fn clip_span(&self, mut span: Span, bounds: &Aabb) -> Option<Span> {
+        for (axis, planes) in self.axes.iter().take(3).enumerate() {
+            // Neither is NaN: a finite factor that is not zero, and a difference of finite numbers.
             let faces = [bounds.min[axis], bounds.max[axis]];
-            let near = self.axes[axis].near as usize;
-            span.enter = max(self.crossing(axis, faces[near]).first, span.enter);
-            span.exit = min(self.crossing(axis, faces[near ^ 1]).last, span.exit);
+            let [a, b] = faces.map(|face| (face - planes.origin) * planes.inverse);
+            span.enter = max(min(a, b) - planes.pad, span.enter);
+            span.exit = min(max(a, b) + planes.pad, span.exit);
         }
         (span.enter <= span.exit).then_some(span)
     }

@@ -9,6 +9,7 @@ mod arrays;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 pub(crate) mod batch;
+mod binary;
 mod box_tree;
 mod collapse;
 mod decide;
@@ -35,6 +36,7 @@ use crate::collect::{Any, Closest, Ordered};
 use crate::planes::Frame;
 use arrays::Arrays;
 pub use arrays::Refit;
+pub use binary::{BinaryNode, BinaryTree};
 use box_tree::{BoxTree, Item, Leaves};
 use divide::{Divider, MOST_LEVELS, by_objects, per_area};
 pub use forest::WideForest;
@@ -141,6 +143,21 @@ impl WideTree {
         let items = triangles.map(|triangle| Item::whole(triangle, mesh));
         let (boxes, _) = boxes_of_objects(items.collect(), &mesh.bounds(), is_parallel);
         Self::of_boxes(&boxes, mesh, &mesh.bounds(), is_parallel)
+    }
+
+    /// Makes wide nodes from a binary tree of boxes that was made elsewhere, such as a bounding volume hierarchy, on the
+    /// calling thread. Linear in the number of triangles.
+    ///
+    /// Boxes are made anew around the triangles of `mesh`. Which nodes and leaves stay is chosen as for any other tree, so
+    /// that leaves of few triangles become larger ones where that costs less.
+    ///
+    /// # Panics
+    ///
+    /// If a leaf has no triangles, or one that the mesh lacks; if more than [`MAX_DEPTH`](kd_core::MAX_DEPTH) nodes lie
+    /// above a leaf.
+    pub fn from_binary(tree: &impl BinaryTree, mesh: &Mesh) -> Self {
+        let boxes = binary::boxes_of_binary(tree, mesh);
+        Self::of_boxes(&boxes, mesh, &mesh.bounds(), false)
     }
 
     fn of_boxes(boxes: &BoxTree, mesh: &Mesh, bounds: &Aabb, is_parallel: bool) -> Self {

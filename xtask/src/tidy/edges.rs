@@ -12,6 +12,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-grid", &["kd-core", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-trace"]),
+    ("kd-bvh", &["kd-core", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-select", &["kd-grid", "kd-trace"]),
     ("kd-render", &["kd", "kd-scene"]),

@@ -1,6 +1,7 @@
 //! Traversals against brute force, brute force against other mathematics, and both against hard input.
 
 mod adversarial;
+mod binary;
 mod cells;
 mod check;
 mod oracle;

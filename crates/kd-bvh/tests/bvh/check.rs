@@ -1,0 +1,166 @@
+//! The one place that compares a ray's answers, and the one that looks whether a hierarchy is sound.
+
+use kd_bvh::{Bvh, BvhMethod, BvhNodeView, BvhOptions};
+use kd_core::{Aabb, CostModel, MAX_DEPTH, Mesh, Ray};
+use kd_oracle::rays::Rays;
+use kd_trace::{Level, WideTree, brute_force};
+
+/// Every method.
+pub(crate) const METHODS: [BvhMethod; 5] = [
+    BvhMethod::Sweep,
+    BvhMethod::Binned { bins: 32 },
+    BvhMethod::Midpoint,
+    BvhMethod::EqualCounts,
+    BvhMethod::BottomUp { radius: 16 },
+];
+
+/// Every method, and options that lead to other leaves.
+pub(crate) fn option_rows() -> Vec<BvhOptions> {
+    let mut rows = METHODS
+        .map(|method| BvhOptions::new().with_method(method))
+        .to_vec();
+    rows.extend([
+        BvhOptions::new()
+            .with_method(BvhMethod::Binned { bins: 3 })
+            .with_max_leaf(1),
+        BvhOptions::new()
+            .with_method(BvhMethod::BottomUp { radius: 1 })
+            .with_max_leaf(100)
+            .with_cost(CostModel::PACKED),
+    ]);
+    rows
+}
+
+/// A hierarchy and its wide form.
+pub(crate) struct Subject {
+    pub(crate) options: BvhOptions,
+    pub(crate) bvh: Bvh,
+    wide: WideTree,
+}
+
+impl Subject {
+    /// Checks that the hierarchy is sound, too.
+    pub(crate) fn new(mesh: &Mesh, options: &BvhOptions) -> Self {
+        let bvh = Bvh::build(mesh, options).expect("valid options");
+        Self::of(mesh, bvh, options)
+    }
+
+    pub(crate) fn of(mesh: &Mesh, bvh: Bvh, options: &BvhOptions) -> Self {
+        check_sound(mesh, &bvh, options);
+        let level = if options.method() == BvhMethod::Sweep {
+            Level::portable()
+        } else {
+            Level::detect()
+        };
+        Self {
+            wide: bvh.wide(mesh).with_level(level),
+            options: options.clone(),
+            bvh,
+        }
+    }
+
+    /// One for each row of options.
+    pub(crate) fn all(mesh: &Mesh) -> Vec<Self> {
+        let rows = option_rows();
+        rows.iter().map(|row| Self::new(mesh, row)).collect()
+    }
+}
+
+/// Rays around a mesh and the boxes of hierarchies over it.
+pub(crate) fn rays<'a>(mesh: &'a Mesh, subjects: &[Subject], seed: u64) -> Rays<'a> {
+    let nodes = subjects.iter().flat_map(|subject| subject.bvh.nodes());
+    let faces = nodes.flat_map(|node| {
+        let bounds = node.bounds();
+        (0..3).flat_map(move |axis| [(axis, bounds.min[axis]), (axis, bounds.max[axis])])
+    });
+    Rays::new(mesh, faces.collect(), seed)
+}
+
+/// Asks each subject for the closest hit of a ray, and one of them, by turns, everything else, and expects what brute force
+/// says. Gives the number of hits.
+#[track_caller]
+pub(crate) fn check(name: &str, mesh: &Mesh, subjects: &[Subject], ray: &Ray) -> usize {
+    let mut expected = Vec::new();
+    brute_force::hits(mesh, ray, usize::MAX, &mut expected);
+    let closest = expected.first().copied();
+    for Subject { options, bvh, .. } in subjects {
+        let found = bvh.intersect(mesh, ray);
+        assert_eq!(found, closest, "{name}, {:?}: {ray:?}", options.method());
+    }
+    // Whatever the ray is, its bits choose a subject.
+    let turn = ray.origin.x.to_bits() ^ ray.direction.y.to_bits() ^ ray.direction.z.to_bits();
+    let Subject { options, bvh, wide } = &subjects[turn as usize % subjects.len()];
+    let place = || format!("{name}, {:?}: {ray:?}", options.method());
+    let any = bvh.occluded(mesh, ray);
+    assert_eq!(any, closest.is_some(), "{}", place());
+    let mut found = Vec::new();
+    for max in [0, 2, usize::MAX] {
+        bvh.hits(mesh, ray, max, &mut found);
+        let first = &expected[..max.min(expected.len())];
+        assert_eq!(found, first, "first {max}, {}", place());
+    }
+    assert_eq!(wide.intersect(ray), closest, "wide, {}", place());
+    let any = wide.occluded(ray);
+    assert_eq!(any, closest.is_some(), "wide, {}", place());
+    expected.len()
+}
+
+/// Holds a hierarchy to what is promised of each: every triangle once, boxes as small as can be, nodes in depth-first order,
+/// depth, and leaves no larger than asked for.
+#[track_caller]
+pub(crate) fn check_sound(mesh: &Mesh, bvh: &Bvh, options: &BvhOptions) {
+    let mut listed = bvh.triangles().to_vec();
+    listed.sort_unstable();
+    let all = 0..u32::try_from(mesh.len()).expect("few");
+    assert!(all.eq(listed), "each triangle once");
+    let mut walk = Walk {
+        mesh,
+        bvh,
+        options,
+        triangles: 0,
+    };
+    let end = if mesh.is_empty() {
+        0
+    } else {
+        walk.node(0, 0).1
+    };
+    assert_eq!(end as usize, bvh.nodes().len(), "no other nodes");
+    assert_eq!(walk.triangles as usize, mesh.len(), "no other triangles");
+    assert_eq!(bvh.bounds(), mesh.bounds(), "around all");
+}
+
+struct Walk<'a> {
+    mesh: &'a Mesh,
+    bvh: &'a Bvh,
+    options: &'a BvhOptions,
+    /// How many the leaves so far have.
+    triangles: u32,
+}
+
+impl Walk<'_> {
+    /// The box that a node should have, and the place after its subtree.
+    fn node(&mut self, place: u32, depth: usize) -> (Aabb, u32) {
+        assert!(depth <= MAX_DEPTH, "{depth} nodes above");
+        let node = self.bvh.nodes()[place as usize];
+        let (bounds, end) = match node.view() {
+            BvhNodeView::Leaf { first, count } => {
+                assert_eq!(first, self.triangles, "leaf after leaf");
+                self.triangles += count;
+                let triangles = &self.bvh.triangles()[first as usize..][..count as usize];
+                assert!(triangles.is_sorted(), "in order: {triangles:?}");
+                let most = self.options.max_leaf();
+                assert!((1..=most).contains(&count), "{count} triangles of {most}");
+                let corners = triangles.iter().flat_map(|t| self.mesh.corners(*t));
+                (Aabb::around(corners), place + 1)
+            }
+            BvhNodeView::Interior { second, .. } => {
+                let (lower, end_of_first) = self.node(place + 1, depth + 1);
+                assert_eq!(second, end_of_first, "the second child follows");
+                let (upper, end) = self.node(second, depth + 1);
+                (lower.union(&upper), end)
+            }
+        };
+        assert_eq!(node.bounds(), bounds, "the smallest box, node {place}");
+        (bounds, end)
+    }
+}

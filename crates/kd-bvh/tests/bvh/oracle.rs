@@ -1,0 +1,99 @@
+//! Every query of every hierarchy gives what brute force gives.
+
+use glam::Vec3;
+use kd_core::{Mesh, Ray};
+use kd_oracle::rays::that_cannot_hit;
+
+use crate::check::{self, Subject, check};
+use crate::scenes;
+
+const RAYS: usize = 10_000;
+
+/// Traces rays, and gives how many of them hit.
+#[track_caller]
+fn check_rays(name: &str, mesh: &Mesh, count: usize) -> usize {
+    let subjects = Subject::all(mesh);
+    let mut rays = check::rays(mesh, &subjects, 1);
+    for ray in that_cannot_hit() {
+        assert_eq!(check(name, mesh, &subjects, &ray), 0, "{name}: {ray:?}");
+    }
+    (0..count)
+        .filter(|_| check(name, mesh, &subjects, &rays.draw()) > 0)
+        .count()
+}
+
+#[test]
+fn generated_scenes() {
+    for (name, mesh) in scenes::generated() {
+        let hit = check_rays(name, &mesh, RAYS);
+        assert!(hit > RAYS / 3, "{name}: {hit} hit");
+    }
+}
+
+#[test]
+fn nasty_scenes() {
+    for (name, mesh) in scenes::nasty() {
+        let hit = check_rays(name, &mesh, RAYS);
+        // Far off few coordinates can be told apart, and at the ends of f32 most rays are not finite.
+        let least = if name == "largest" { 100 } else { RAYS / 20 };
+        assert!(hit > least, "{name}: {hit} hit");
+    }
+}
+
+#[test]
+fn nothing_is_never_hit() {
+    let mesh = scenes::soup(&[]);
+    let subjects = Subject::all(&mesh);
+    let good = Ray::new([0.0; 3], [1.0, 2.0, 3.0]);
+    for ray in that_cannot_hit().into_iter().chain([good]) {
+        assert_eq!(check("nothing", &mesh, &subjects, &ray), 0, "{ray:?}");
+    }
+    for Subject { bvh, .. } in subjects {
+        assert!(bvh.nodes().is_empty() && bvh.bounds().is_empty(), "{bvh:?}");
+        let stats = bvh.stats();
+        assert_eq!((stats.nodes, stats.sah_cost_15_20), (0, 0.0), "{stats}");
+    }
+}
+
+/// A row of triangles, all of which are hit: the first one is found first, and those behind it are not looked at.
+#[test]
+fn what_lies_behind_a_hit_is_passed_over() {
+    let row: Vec<[Vec3; 3]> = (0..512)
+        .map(|i| [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, i as f32)))
+        .collect();
+    let mesh = scenes::soup(&row);
+    for Subject { bvh, options, .. } in Subject::all(&mesh) {
+        // A leaf of one of the options holds up to a hundred.
+        let in_leaf = bvh.stats().references.div_ceil(bvh.stats().leaves);
+        for (start, direction) in [(-3.0, 1.0), (600.0, -1.0)] {
+            let ray = Ray::new([0.01, 0.02, start], [0.0, 0.0, direction]);
+            let (hit, counts) = bvh.intersect_counted(&mesh, &ray);
+            assert_eq!(hit, bvh.intersect(&mesh, &ray), "counting changes nothing");
+            assert!(hit.is_some(), "straight ahead");
+            let most = 2 * in_leaf as u64;
+            assert!(
+                counts.triangles <= most,
+                "{options:?}, {counts:?}, {in_leaf}"
+            );
+            // On the way to one leaf, two at each node.
+            let most = 1 + 2 * bvh.stats().depth as u64;
+            assert!(counts.ray_boxes <= most, "{options:?}, {counts:?}");
+
+            let mut hits = [None; 20];
+            let counts = bvh.intersect_packet_counted(&mesh, &[ray; 20], &mut hits);
+            let most = 20 * 2 * in_leaf as u64;
+            assert!(counts.triangles <= most, "packet, {options:?}, {counts:?}");
+        }
+    }
+}
+
+#[test]
+fn rays_beside_the_mesh_take_one_box() {
+    let mesh = scenes::sphere(3);
+    for Subject { bvh, .. } in Subject::all(&mesh) {
+        let beside = Ray::new([3.0; 3], [0.0, 0.0, 1.0]);
+        let (hit, counts) = bvh.intersect_counted(&mesh, &beside);
+        assert_eq!(hit, None, "beside");
+        assert_eq!((counts.ray_boxes, counts.triangles), (1, 0), "the root's");
+    }
+}
