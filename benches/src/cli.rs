@@ -63,7 +63,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) scene: Vec<String>,
 
-    /// What to build [default: kd; all with --peers]
+    /// What to build [default: kd; all with --peers; all of ours with --smoke]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) structure: Vec<StructureName>,
 

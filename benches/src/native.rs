@@ -21,10 +21,10 @@ pub(crate) fn measure(
     arguments: &BenchArgs,
     folder: &RunFolder,
 ) -> anyhow::Result<Vec<Record>> {
-    let mut structures: Vec<StructureName> = Vec::new();
-    for variant in variants::choose(arguments)? {
-        structures.push(variant.structure);
-    }
+    let rivals = variants::choose(arguments)?
+        .into_iter()
+        .filter(|variant| variant.is_rival());
+    let mut structures: Vec<StructureName> = rivals.map(|variant| variant.structure).collect();
     structures.retain(|structure| structure.is_rust_rival());
     if structures.is_empty() {
         return Ok(Vec::new());

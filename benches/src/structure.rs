@@ -20,6 +20,12 @@ pub(crate) enum StructureName {
     Kd,
     /// The uniform grid
     Grid,
+    /// The bounding volume hierarchy; with --peers, the crate bvh too
+    Bvh,
+    /// A comparator: the octree
+    Octree,
+    /// A comparator: the BSP tree of planes of triangles
+    Bsp,
     /// Embree 3, one ray at a time
     Embree,
     /// Embree 3, packets of 8 rays
@@ -28,22 +34,22 @@ pub(crate) enum StructureName {
     EmbreeRobust,
     /// The crate obvhs
     Obvhs,
-    /// The crate bvh
-    Bvh,
     /// The crate parry3d
     Parry3d,
 }
 
 impl StructureName {
-    /// Whether it is a library that we measure ourselves against. Those answer as they please: see
-    /// [`Answers::disagreements`](crate::check::Answers::disagreements).
+    /// Whether it is nothing but a library that we measure ourselves against.
     pub(crate) const fn is_rival(self) -> bool {
-        !matches!(self, Self::Kd | Self::Grid)
+        match self {
+            Self::Kd | Self::Grid | Self::Bvh | Self::Octree | Self::Bsp => false,
+            Self::Embree | Self::Embree8 | Self::EmbreeRobust | Self::Obvhs | Self::Parry3d => true,
+        }
     }
 
     /// Whether its nodes may lie in memory in several ways.
     pub(crate) const fn has_layouts(self) -> bool {
-        matches!(self, Self::Kd)
+        matches!(self, Self::Kd | Self::Bvh)
     }
 
     /// Whether it is compiled with this program, so that it matters what for.
@@ -53,21 +59,31 @@ impl StructureName {
 
     /// The ways to build it.
     pub(crate) fn builders(self) -> Vec<BuilderName> {
-        let rivals: &[BuilderName] = match self {
+        let builders: &[BuilderName] = match self {
             Self::Kd => {
                 let all = BuilderName::value_variants().iter().copied();
                 return all.filter(|name| name.options().is_some()).collect();
             }
             Self::Grid => &[BuilderName::Exact, BuilderName::Boxes],
+            Self::Bvh => &[
+                BuilderName::Binned,
+                BuilderName::Sweep,
+                BuilderName::BottomUp,
+                BuilderName::Midpoint,
+                BuilderName::EqualCounts,
+                BuilderName::Default,
+            ],
+            Self::Octree => &[BuilderName::Median],
+            Self::Bsp => &[BuilderName::Polygon],
             Self::Embree | Self::Embree8 => {
                 &[BuilderName::Low, BuilderName::Medium, BuilderName::High]
             }
             // Embree splits no triangles in a robust scene: high would be medium again.
             Self::EmbreeRobust => &[BuilderName::Low, BuilderName::Medium],
             Self::Obvhs => &[BuilderName::Fastest, BuilderName::Medium, BuilderName::Slow],
-            Self::Bvh | Self::Parry3d => &[BuilderName::Default],
+            Self::Parry3d => &[BuilderName::Default],
         };
-        rivals.to_vec()
+        builders.to_vec()
     }
 }
 
@@ -79,11 +95,11 @@ pub(crate) enum BuilderName {
     Naive,
     /// The same plane, O(N log² N)
     Resort,
-    /// The same plane, O(N log N), from events sorted once
+    /// The same plane, O(N log N), from events sorted once; a hierarchy divided by SAH anywhere along an axis
     Sweep,
     /// The same plane, from bins that bound what is in them; in a grid, the cells that triangles meet
     Exact,
-    /// Planes at and beside the boundaries of 32 bins
+    /// Planes at and beside the boundaries of 32 bins; a hierarchy divided by SAH between bins
     Binned,
     /// Planes where a cost sampled at 16 planes an axis is least
     Sampled,
@@ -97,6 +113,14 @@ pub(crate) enum BuilderName {
     Best,
     /// In a grid, the cells that boxes of triangles meet
     Boxes,
+    /// A hierarchy put together from neighbours
+    BottomUp,
+    /// A hierarchy divided in the middle of its centres
+    Midpoint,
+    /// A hierarchy divided into halves of its triangles
+    EqualCounts,
+    /// Planes of triangles
+    Polygon,
     /// Embree's quickest build
     Low,
     /// Embree's default build; the medium build of obvhs, a wide BVH
@@ -138,9 +162,19 @@ impl BuilderName {
             Self::Balanced => BuildOptions::balanced(),
             Self::Best => BuildOptions::best(),
             Self::Low | Self::Medium | Self::High => return None,
-            Self::Fastest | Self::Slow | Self::Default | Self::Boxes => return None,
+            Self::Fastest | Self::Slow | Self::Default => return None,
+            Self::Boxes | Self::BottomUp | Self::Midpoint | Self::EqualCounts => return None,
+            Self::Polygon => return None,
         };
         Some(options)
+    }
+
+    /// Whether it is a way to build of a library that we measure ourselves against.
+    pub(crate) const fn is_of_rival(self) -> bool {
+        matches!(
+            self,
+            Self::Low | Self::Medium | Self::High | Self::Fastest | Self::Slow | Self::Default
+        )
     }
 
     /// Above so many triangles a build takes many seconds, soon minutes, and the sweep leaves it out.
@@ -211,10 +245,20 @@ impl fmt::Display for Variant {
 }
 
 impl Variant {
+    /// Whether it is of a library that we measure ourselves against. Those answer as they please: see
+    /// [`Answers::disagreements`](crate::check::Answers::disagreements).
+    pub(crate) const fn is_rival(self) -> bool {
+        self.builder.is_of_rival()
+    }
+
     pub(crate) fn build(self, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
         let built = match self.structure {
             StructureName::Kd => self.kd_tree(mesh, threads),
+            _ if self.is_rival() => peers::build(self, mesh, threads),
             StructureName::Grid => ours::grid(self.builder, mesh, threads),
+            StructureName::Bvh => ours::bvh(self, mesh, threads),
+            StructureName::Octree => ours::octree(mesh),
+            StructureName::Bsp => ours::bsp(mesh),
             _ => peers::build(self, mesh, threads),
         };
         built.with_context(|| format!("cannot build {self}"))

@@ -255,7 +255,7 @@ impl Sweep {
         answers: &Answers,
     ) -> Record {
         let mut found = Vec::new();
-        if variant.structure.is_rival() {
+        if variant.is_rival() {
             let disagreements = workload.expected.disagreements(answers);
             let share = disagreements.len() as f64 / workload.rays.len().max(1) as f64;
             record.exact.mismatches = disagreements.len();

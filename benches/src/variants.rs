@@ -9,11 +9,11 @@ pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<Variant>> {
     let structures = structures(arguments)?;
     let mut variants: Vec<Variant> = Vec::new();
     for structure in structures {
-        let layouts = match structure.has_layouts() {
-            true => arguments.layout.as_slice(),
-            false => &[LayoutName::Own],
-        };
         for builder in builders(arguments, structure) {
+            let layouts = match structure.has_layouts() && !builder.is_of_rival() {
+                true => arguments.layout.as_slice(),
+                false => &[LayoutName::Own],
+            };
             variants.extend(layouts.iter().map(|layout| Variant {
                 structure,
                 builder,
@@ -35,14 +35,19 @@ fn structures(arguments: &BenchArgs) -> Result<Vec<StructureName>, UsageError> {
         return Err(UsageError(message));
     }
     Ok(match (arguments.structure.as_slice(), arguments.peers) {
-        ([], true) => StructureName::value_variants().to_vec(),
-        ([], false) => vec![StructureName::Kd],
+        ([], false) if !arguments.smoke => vec![StructureName::Kd],
+        ([], peers) => {
+            let all = StructureName::value_variants().iter().copied();
+            all.filter(|structure| peers || !structure.is_rival())
+                .collect()
+        }
         (chosen, _) => chosen.to_vec(),
     })
 }
 
 fn builders(arguments: &BenchArgs, structure: StructureName) -> Vec<BuilderName> {
-    let all = structure.builders();
+    let mut all = structure.builders();
+    all.retain(|builder| arguments.peers || !builder.is_of_rival());
     if !arguments.builder.is_empty() {
         let chosen = arguments.builder.iter().copied();
         return chosen.filter(|name| all.contains(name)).collect();
@@ -106,12 +111,32 @@ mod tests {
     }
 
     #[test]
+    fn the_crate_bvh_is_a_rival_of_the_structure_bvh() {
+        let ours = chosen(&["--structure", "bvh,grid", "--layout", "binary,wide"]).expect("ours");
+        assert!(
+            ours.starts_with("bvh/binned/binary bvh/binned/wide bvh/sweep/binary"),
+            "{ours}"
+        );
+        assert!(
+            ours.ends_with("grid/exact/own grid/boxes/own") && !ours.contains("default"),
+            "{ours}"
+        );
+        let all = chosen(&["--structure", "bvh", "--peers"]).expect("both");
+        assert!(
+            all.ends_with("bvh/equal-counts/wide bvh/default/own"),
+            "{all}"
+        );
+    }
+
+    #[test]
     fn without_rivals_there_is_the_kd_tree() {
         let usual = "kd/median/wide kd/exact/wide kd/balanced/wide";
         assert_eq!(chosen(&[]).as_deref(), Ok(usual), "the usual three");
         let smoke = chosen(&["--smoke"]).expect("all");
         assert!(
-            smoke.contains("kd/naive/wide") && !smoke.contains("default"),
+            smoke.contains("kd/naive/wide")
+                && smoke.contains("octree/median/own")
+                && !smoke.contains("default"),
             "all of its own: {smoke}"
         );
         let twice = chosen(&["--builder", "exact,exact"]);

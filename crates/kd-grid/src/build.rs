@@ -1,8 +1,8 @@
-//! From triangles to cells: two passes that count, and no memory for each cell.
+//! From triangles to cells: sorted twice by counting, and no memory for each cell.
 //!
 //! ```text
-//! triangles ──▶ chunks: the cells of each ──▶ slabs: references of each cell ──▶ offsets, references
-//!               (chunk by chunk)              counted, then entered (slab by slab)
+//! triangles ──▶ chunks: the cells of each, ──▶ slabs: references of each cell ──▶ offsets, references
+//!               sorted by slab                 counted, then entered
 //! ```
 //!
 //! A grid is cut into slabs of some ten thousand cells, so that what a slab's cells hold stays in a cache while it is counted
@@ -19,9 +19,9 @@ use crate::overlap::{each_of_box, for_each_cell, for_each_cell_met, is_worth_a_t
 use crate::tasks;
 
 /// Triangles to a chunk.
-const CHUNK: usize = 1 << 14;
-/// Cells of a slab: two to this power. Their offsets, of four bytes each, should stay near.
-const SLAB: u32 = 15;
+const CHUNK: usize = 1 << 12;
+/// Meshes of fewer triangles are not worth several threads.
+const FEW: usize = 1 << 13;
 
 /// What a build gives.
 #[derive(Clone, Debug)]
@@ -39,21 +39,40 @@ pub(crate) struct Cells {
 struct Cover {
     /// The number of the first cell.
     first: u32,
-    /// How many more there are along each axis; and 1 if they are in several slabs, or else 0. Or all of it is
-    /// [`ASKED`](Self::ASKED), and the cells are found once more when they are needed.
-    more: [u8; 4],
+    /// Below 8 a small box in one slab: its bits tell the axes along which there are two cells, and not one. Otherwise
+    /// [`ASKED`](Self::ASKED), and the triangle is asked once more when its cells are needed; or how many more cells there
+    /// are along each axis, eight bits for each, over [`BOX`](Self::BOX).
+    kind: u32,
 }
 
 impl Cover {
-    const ASKED: [u8; 4] = [u8::MAX; 4];
+    const ASKED: u32 = u32::MAX;
+    const BOX: u32 = 1 << 31;
+    /// A box may have so many more cells along an axis.
+    const MOST: u32 = 254;
 
-    /// How many cells there are along each axis.
-    fn counts(&self) -> [usize; 3] {
-        [0, 1, 2].map(|axis| usize::from(self.more[axis]) + 1)
+    /// Of a box of so many more cells along each axis, if it is not too large.
+    #[inline(always)]
+    fn of_box(first: u32, [x, y, z]: [u32; 3], is_in_one_slab: bool) -> Self {
+        let kind = if (x | y | z) <= 1 && is_in_one_slab {
+            x | y << 1 | z << 2
+        } else if x.max(y).max(z) <= Self::MOST {
+            Self::BOX | x | y << 8 | z << 16
+        } else {
+            Self::ASKED
+        };
+        Self { first, kind }
     }
 
-    fn is_in_several_slabs(&self) -> bool {
-        self.more[3] != 0
+    /// How many cells there are along each axis of a [`BOX`](Self::BOX).
+    fn counts(self) -> [usize; 3] {
+        [0, 8, 16].map(|shift| (self.kind >> shift & 0xff) as usize + 1)
+    }
+
+    /// Only small boxes are surely in one slab.
+    #[inline(always)]
+    fn is_small(self) -> bool {
+        self.kind < 8
     }
 }
 
@@ -86,7 +105,7 @@ pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, BuildEr
         let build = Build {
             mesh,
             overlap: options.overlap,
-            is_parallel: options.threads != 1,
+            is_parallel: options.threads != 1 && mesh.len() > FEW,
         };
         build.cells(options)
     })
@@ -114,10 +133,11 @@ impl Build<'_> {
         let limit = options.refs_limit(triangles);
         let mut halvings = 0;
         loop {
-            let chunks = self.place(&lattice);
+            let slabs = Slabs::of(&lattice);
+            let chunks = self.place(&lattice, slabs);
             // One cell has a reference to each triangle, and the limit is no less.
             if chunks.iter().map(|chunk| chunk.cells).sum::<u64>() <= limit {
-                return self.enter(lattice, &chunks, halvings);
+                return self.enter(lattice, slabs, &chunks, halvings);
             }
             lattice = lattice.halved();
             halvings += 1;
@@ -125,8 +145,7 @@ impl Build<'_> {
     }
 
     /// Finds the cells of all triangles.
-    fn place(&self, lattice: &Lattice) -> Vec<Chunk> {
-        let slabs = lattice.cells().div_ceil(1 << SLAB);
+    fn place(&self, lattice: &Lattice, slabs: Slabs) -> Vec<Chunk> {
         let starts: Vec<usize> = (0..self.mesh.len()).step_by(CHUNK).collect();
         tasks::map(starts, self.is_parallel, |start| {
             let end = self.mesh.len().min(start + CHUNK);
@@ -138,18 +157,18 @@ impl Build<'_> {
         clippy::cast_possible_truncation,
         reason = "a mesh has fewer than 2^30 triangles"
     )]
-    fn place_chunk(&self, lattice: &Lattice, slabs: usize, start: usize, end: usize) -> Chunk {
+    fn place_chunk(&self, lattice: &Lattice, slabs: Slabs, start: usize, end: usize) -> Chunk {
         let mut cells = 0;
         // By one more than the slab: what is counted there becomes where the next one begins.
-        let mut offsets = vec![0_u32; slabs + 2];
+        let mut offsets = vec![0_u32; slabs.count + 2];
         let mut covers: Vec<Cover> = bytemuck::zeroed_vec(end - start);
         for (triangle, cover) in (start as u32..).zip(&mut covers) {
             let range = lattice.range(self.mesh.corners(triangle));
             cells += range.count();
-            *cover = self.cover(lattice, &range);
-            offsets[slab_of(cover.first) + 2] += 1;
-            if cover.is_in_several_slabs() {
-                for slab in slabs_of(lattice, &range).skip(1) {
+            *cover = self.cover(lattice, slabs, &range);
+            offsets[slabs.of_cell(cover.first) + 2] += 1;
+            if !cover.is_small() {
+                for slab in slabs.reached(lattice, &range).skip(1) {
                     offsets[slab + 2] += 1;
                 }
             }
@@ -157,22 +176,22 @@ impl Build<'_> {
         for slab in 2..offsets.len() {
             offsets[slab] += offsets[slab - 1];
         }
-        let mut placed = bytemuck::zeroed_vec(offsets[slabs + 1] as usize);
+        let mut placed = bytemuck::zeroed_vec(offsets[slabs.count + 1] as usize);
         let mut put = |slab: usize, triangle: u32, cover: Cover| {
             let place = &mut offsets[slab + 1];
             placed[*place as usize] = Placed { triangle, cover };
             *place += 1;
         };
         for (triangle, cover) in (start as u32..).zip(covers) {
-            put(slab_of(cover.first), triangle, cover);
-            if cover.is_in_several_slabs() {
+            put(slabs.of_cell(cover.first), triangle, cover);
+            if !cover.is_small() {
                 let range = lattice.range(self.mesh.corners(triangle));
-                for slab in slabs_of(lattice, &range).skip(1) {
+                for slab in slabs.reached(lattice, &range).skip(1) {
                     put(slab, triangle, cover);
                 }
             }
         }
-        offsets.truncate(slabs + 1);
+        offsets.truncate(slabs.count + 1);
         Chunk {
             placed,
             offsets,
@@ -183,21 +202,19 @@ impl Build<'_> {
     #[inline(always)]
     #[allow(
         clippy::cast_possible_truncation,
-        reason = "cells are counted with 32 bits, and what is more than eight is asked"
+        reason = "cells are counted with 32 bits"
     )]
-    fn cover(&self, lattice: &Lattice, range: &CellRange) -> Cover {
-        let [x, y, z] = [0, 1, 2].map(|axis| range.last[axis] - range.first[axis]);
-        let is_simple = (x | y | z) < u32::from(u8::MAX)
-            && (self.overlap == Overlap::Box || !is_worth_a_test(range));
-        let slabs = slabs_of(lattice, range);
-        Cover {
-            first: lattice.number(range.first) as u32,
-            more: if is_simple {
-                [x as u8, y as u8, z as u8, u8::from(slabs.len() > 1)]
-            } else {
-                Cover::ASKED
-            },
+    fn cover(&self, lattice: &Lattice, slabs: Slabs, range: &CellRange) -> Cover {
+        let first = lattice.number(range.first) as u32;
+        if self.overlap == Overlap::Exact && is_worth_a_test(range) {
+            return Cover {
+                first,
+                kind: Cover::ASKED,
+            };
         }
+        let more = [0, 1, 2].map(|axis| range.last[axis] - range.first[axis]);
+        let last = lattice.number(range.last) as u32;
+        Cover::of_box(first, more, slabs.of_cell(first) == slabs.of_cell(last))
     }
 
     /// Calls `enter` for each cell of a slab and each triangle in it: the cell's number within the slab, and the triangle's. In
@@ -205,29 +222,30 @@ impl Build<'_> {
     fn for_each_entry(
         &self,
         lattice: &Lattice,
+        slabs: Slabs,
         slab: usize,
         chunks: &[Chunk],
         mut enter: impl FnMut(usize, u32),
     ) {
         let small = SmallBoxes::new(lattice.strides);
         let strides = lattice.strides.map(|stride| stride as usize);
-        let first_cell = slab << SLAB;
+        let first_cell = slabs.cells(slab).start;
         for chunk in chunks {
             for &Placed { triangle, cover } in chunk.of_slab(slab) {
-                if let Some(cells) = small.cells(cover.more) {
+                if cover.is_small() {
                     let first = cover.first as usize - first_cell;
-                    for &cell in cells {
+                    for &cell in small.cells(cover.kind) {
                         enter(first + cell as usize, triangle);
                     }
                     continue;
                 }
                 let enter = |cell: usize| {
-                    if cell >> SLAB == slab {
+                    if slabs.cells(slab).contains(&cell) {
                         enter(cell - first_cell, triangle);
                     }
                 };
-                if cover.more == Cover::ASKED {
-                    self.ask(lattice, slab, triangle, enter);
+                if cover.kind == Cover::ASKED {
+                    self.ask(lattice, slabs.cells(slab), triangle, enter);
                 } else {
                     each_of_box(cover.first as usize, cover.counts(), strides, enter);
                 }
@@ -235,12 +253,12 @@ impl Build<'_> {
         }
     }
 
-    /// Finds the cells of a triangle in a slab.
+    /// Finds the cells of a triangle in the layers of a slab.
     #[cold]
-    fn ask(&self, lattice: &Lattice, slab: usize, triangle: u32, enter: impl FnMut(usize)) {
+    fn ask(&self, lattice: &Lattice, slab: Range<usize>, triangle: u32, enter: impl FnMut(usize)) {
         let corners = self.mesh.corners(triangle);
         let range = lattice.range(corners);
-        let within = lattice.within(&range, slab << SLAB, (slab + 1) << SLAB);
+        let within = lattice.within(&range, slab.start, slab.end);
         if self.overlap == Overlap::Exact && is_worth_a_test(&range) {
             for_each_cell_met(lattice, &within, corners, enter);
         } else {
@@ -249,44 +267,34 @@ impl Build<'_> {
     }
 
     /// Counts the references of every cell, then enters them.
-    fn enter(&self, lattice: Lattice, chunks: &[Chunk], halvings: u32) -> Cells {
+    fn enter(&self, lattice: Lattice, slabs: Slabs, chunks: &[Chunk], halvings: u32) -> Cells {
         // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
         let mut offsets: Vec<u32> = bytemuck::zeroed_vec(lattice.cells() + 1);
         // Each slab's offsets begin at its second cell's: a cell's place, while it is filled, is where the next one begins.
-        let own_offsets = offsets[1..].chunks_mut(1 << SLAB).enumerate().collect();
-        let counts = tasks::map(own_offsets, self.is_parallel, |(slab, offsets)| {
-            self.for_each_entry(&lattice, slab, chunks, |cell, _| offsets[cell] += 1);
-            offsets.iter().sum::<u32>()
+        let own_offsets = offsets[1..].chunks_mut(slabs.size());
+        let own_offsets = own_offsets.enumerate().collect();
+        let own_refs = tasks::map(own_offsets, self.is_parallel, |(slab, offsets)| {
+            self.enter_slab(&lattice, slabs, slab, chunks, offsets)
         });
         // As many as `max_refs` allows, which 32 bits count.
-        let count: u32 = counts.iter().sum();
-        let mut refs: Vec<u32> = bytemuck::zeroed_vec(count as usize);
-
+        let count = own_refs.iter().map(Vec::len).sum();
+        let mut refs: Vec<u32> = bytemuck::zeroed_vec(count);
         let (mut begin, mut rest) = (0, refs.as_mut_slice());
-        let own_offsets = offsets[1..].chunks_mut(1 << SLAB);
-        let parts = own_offsets.zip(counts).enumerate();
-        let parts = parts.map(|(slab, (offsets, count))| {
-            let own;
-            (own, rest) = std::mem::take(&mut rest).split_at_mut(count as usize);
+        let own_offsets = offsets[1..].chunks_mut(slabs.size());
+        let parts = own_offsets.zip(own_refs).map(|(offsets, own_refs)| {
+            let place;
+            (place, rest) = std::mem::take(&mut rest).split_at_mut(own_refs.len());
             let first = begin;
-            begin += count;
-            (slab, offsets, own, first)
+            begin += offsets.last().copied().unwrap_or(0);
+            (offsets, own_refs, place, first)
         });
-        tasks::map(
-            parts.collect(),
-            self.is_parallel,
-            |(slab, offsets, refs, first)| {
-                let mut begin = first;
-                for offset in offsets.iter_mut() {
-                    begin += std::mem::replace(offset, begin);
-                }
-                self.for_each_entry(&lattice, slab, chunks, |cell, triangle| {
-                    let place = &mut offsets[cell];
-                    refs[(*place - first) as usize] = triangle;
-                    *place += 1;
-                });
-            },
-        );
+        tasks::map(parts.collect(), self.is_parallel, |part| {
+            let (offsets, own_refs, place, first) = part;
+            place.copy_from_slice(&own_refs);
+            for offset in offsets {
+                *offset += first;
+            }
+        });
         Cells {
             lattice,
             offsets,
@@ -294,30 +302,100 @@ impl Build<'_> {
             halvings,
         }
     }
+
+    /// The references of a slab, cell by cell, and in `offsets` where those of each cell end.
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "a slab has at most 2^15 cells"
+    )]
+    fn enter_slab(
+        &self,
+        lattice: &Lattice,
+        slabs: Slabs,
+        slab: usize,
+        chunks: &[Chunk],
+        offsets: &mut [u32],
+    ) -> Vec<u32> {
+        // Cells are found once, and written down: that takes less than finding them again.
+        let mut entries: Vec<[u32; 2]> = Vec::new();
+        self.for_each_entry(lattice, slabs, slab, chunks, |cell, triangle| {
+            offsets[cell] += 1;
+            entries.push([cell as u32, triangle]);
+        });
+        let mut begin = 0;
+        for offset in offsets.iter_mut() {
+            begin += std::mem::replace(offset, begin);
+        }
+        let mut refs = vec![0; entries.len()];
+        for [cell, triangle] in entries {
+            let place = &mut offsets[cell as usize];
+            refs[*place as usize] = triangle;
+            *place += 1;
+        }
+        refs
+    }
 }
 
-/// The slab of a cell.
-#[inline(always)]
-fn slab_of(cell: u32) -> usize {
-    (cell >> SLAB) as usize
+/// Consecutive cells, as many in each slab as a power of two; the last one may have fewer.
+#[derive(Clone, Copy, Debug)]
+struct Slabs {
+    power: u32,
+    count: usize,
 }
 
-/// The slabs that a range of cells reaches into, and perhaps others between them.
-#[inline(always)]
-fn slabs_of(lattice: &Lattice, range: &CellRange) -> Range<usize> {
-    lattice.number(range.first) >> SLAB..(lattice.number(range.last) >> SLAB) + 1
+impl Slabs {
+    /// The most cells of a slab, as a power of two: their offsets, of four bytes each, should stay near.
+    const LARGEST: u32 = 15;
+    /// The fewest, so that most triangles are in one.
+    const SMALLEST: u32 = 12;
+
+    /// So many that threads have about as much to do, if there are enough cells.
+    fn of(lattice: &Lattice) -> Self {
+        const MANY: usize = 16;
+        let cells = lattice.cells();
+        let wanted = (cells / MANY).max(1).ilog2();
+        let power = wanted.clamp(Self::SMALLEST, Self::LARGEST);
+        Self {
+            power,
+            count: cells.div_ceil(1 << power),
+        }
+    }
+
+    /// Cells of each.
+    fn size(self) -> usize {
+        1 << self.power
+    }
+
+    /// The slab of a cell.
+    #[inline(always)]
+    fn of_cell(self, cell: u32) -> usize {
+        (cell >> self.power) as usize
+    }
+
+    /// The cells of a slab, those included that a last one has not.
+    #[inline(always)]
+    fn cells(self, slab: usize) -> Range<usize> {
+        slab << self.power..(slab + 1) << self.power
+    }
+
+    /// The slabs that a range of cells reaches into, and perhaps others between them.
+    fn reached(self, lattice: &Lattice, range: &CellRange) -> Range<usize> {
+        lattice.number(range.first) >> self.power..(lattice.number(range.last) >> self.power) + 1
+    }
 }
 
 /// Boxes of one or two cells along each axis, cell by cell.
 struct SmallBoxes {
     /// How far each cell is from the first one, by the axes along which there are two.
     cells: [[u32; 8]; 8],
+    counts: [u8; 8],
 }
 
 impl SmallBoxes {
     fn new(strides: [u32; 3]) -> Self {
         let mut cells = [[0; 8]; 8];
-        for (axes, cells) in cells.iter_mut().enumerate() {
+        let mut counts = [0; 8];
+        for (axes, (cells, count)) in cells.iter_mut().zip(&mut counts).enumerate() {
             let corners = (0..8_usize).filter(|corner| corner & !axes == 0);
             for (cell, corner) in cells.iter_mut().zip(corners) {
                 let along = |axis: usize| {
@@ -328,19 +406,16 @@ impl SmallBoxes {
                     }
                 };
                 *cell = along(0) + along(1) + along(2);
+                *count += 1;
             }
         }
-        Self { cells }
+        Self { cells, counts }
     }
 
-    /// Those of a [`Cover`], if it is such a box and in one slab.
+    /// Those of a small [`Cover`].
     #[inline(always)]
-    fn cells(&self, more: [u8; 4]) -> Option<&[u32]> {
-        let [x, y, z, is_in_several] = more.map(usize::from);
-        if (x | y | z) > 1 || is_in_several != 0 {
-            return None;
-        }
-        let axes = x | y << 1 | z << 2;
-        Some(&self.cells[axes][..1 << (x + y + z)])
+    fn cells(&self, kind: u32) -> &[u32] {
+        let axes = (kind & 7) as usize;
+        &self.cells[axes][..usize::from(self.counts[axes] & 15).min(8)]
     }
 }

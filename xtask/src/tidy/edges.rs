@@ -25,6 +25,8 @@ const EDGES: &[(&str, &[&str])] = &[
         "kd-bench",
         &[
             "kd",
+            "kd-bvh",
+            "kd-comparators",
             "kd-core",
             "kd-grid",
             "kd-merge",
