@@ -13,6 +13,7 @@ use crate::paper::PaperArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::rays::RayKind;
 use crate::structure::{BuilderName, LayoutName, StructureName};
+use crate::structures::StructuresArgs;
 
 /// Measures kd-trees: builds, rays, memory, and whether the answers are right.
 #[derive(Debug, Parser)]
@@ -32,6 +33,9 @@ pub(crate) enum Command {
     Rays(RaysArgs),
     /// Print what merging trees costs and is worth, over building anew, with the goals
     Merges(MergesArgs),
+    /// Print what grids, hierarchies and the papers' other structures cost and are worth, over rivals and our default tree, with
+    /// the goals
+    Structures(StructuresArgs),
     /// Make a table of one of the papers again, ours beside it
     Paper(Box<PaperArgs>),
     /// Count instructions per ray, which do not depend on how busy the machine is

@@ -1,7 +1,7 @@
 //! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
 //! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | rays | merges | paper | instructions | report | calibrate | compare`.
+//! Started by `cargo xtask bench | builds | rays | merges | structures | paper | instructions | report | calibrate | compare`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -35,6 +35,7 @@ mod sampling;
 mod scene_views;
 mod scenes;
 mod structure;
+mod structures;
 mod sweep;
 mod terminal;
 mod variants;
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         Command::Builds(arguments) => builds::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
         Command::Merges(arguments) => merges::run(&arguments),
+        Command::Structures(arguments) => structures::run(&arguments),
         Command::Paper(arguments) => paper::run(&arguments),
         Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),

@@ -78,6 +78,11 @@ impl RunFolder {
         self.path.join("rays.jsonl")
     }
 
+    /// The rows of the table of structures.
+    pub(crate) fn structure_table(&self) -> PathBuf {
+        self.path.join("structures.jsonl")
+    }
+
     /// How build times grow with the mesh.
     pub(crate) fn growth_plot(&self) -> PathBuf {
         self.path.join("growth.svg")

@@ -66,6 +66,7 @@ impl StructureName {
             }
             Self::Grid => &[BuilderName::Exact, BuilderName::Boxes],
             Self::Bvh => &[
+                BuilderName::Objects,
                 BuilderName::Binned,
                 BuilderName::Sweep,
                 BuilderName::BottomUp,
@@ -113,6 +114,8 @@ pub(crate) enum BuilderName {
     Best,
     /// In a grid, the cells that boxes of triangles meet
     Boxes,
+    /// Wide nodes from triangles divided as objects, with no binary hierarchy between
+    Objects,
     /// A hierarchy put together from neighbours
     BottomUp,
     /// A hierarchy divided in the middle of its centres
@@ -164,7 +167,7 @@ impl BuilderName {
             Self::Low | Self::Medium | Self::High => return None,
             Self::Fastest | Self::Slow | Self::Default => return None,
             Self::Boxes | Self::BottomUp | Self::Midpoint | Self::EqualCounts => return None,
-            Self::Polygon => return None,
+            Self::Polygon | Self::Objects => return None,
         };
         Some(options)
     }

@@ -10,9 +10,12 @@ pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<Variant>> {
     let mut variants: Vec<Variant> = Vec::new();
     for structure in structures {
         for builder in builders(arguments, structure) {
-            let layouts = match structure.has_layouts() && !builder.is_of_rival() {
-                true => arguments.layout.as_slice(),
-                false => &[LayoutName::Own],
+            let layouts = match builder {
+                BuilderName::Objects => &[LayoutName::Wide],
+                _ if structure.has_layouts() && !builder.is_of_rival() => {
+                    arguments.layout.as_slice()
+                }
+                _ => &[LayoutName::Own],
             };
             variants.extend(layouts.iter().map(|layout| Variant {
                 structure,
@@ -114,7 +117,7 @@ mod tests {
     fn the_crate_bvh_is_a_rival_of_the_structure_bvh() {
         let ours = chosen(&["--structure", "bvh,grid", "--layout", "binary,wide"]).expect("ours");
         assert!(
-            ours.starts_with("bvh/binned/binary bvh/binned/wide bvh/sweep/binary"),
+            ours.starts_with("bvh/objects/wide bvh/binned/binary bvh/binned/wide bvh/sweep/binary"),
             "{ours}"
         );
         assert!(

@@ -50,6 +50,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::run("merges", arguments),
     },
     Command {
+        name: "structures",
+        arguments: "[OPTIONS]",
+        help: "print what grids and hierarchies cost and are worth, over rivals and the default tree (`structures --help`)",
+        run: |arguments| bench::with_rivals("structures", arguments),
+    },
+    Command {
         name: "paper",
         arguments: "TABLE [OPTIONS]",
         help: "make a table of one of the papers again (`paper --help` lists them)",

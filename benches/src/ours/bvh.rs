@@ -5,12 +5,17 @@ use std::sync::Arc;
 use anyhow::bail;
 use kd::{Hit, Mesh, Ray, WideTree};
 use kd_bvh::{Bvh, BvhMethod, BvhOptions};
+use rayon::ThreadPoolBuilder;
 
 use super::{OverMesh, WithMesh};
 use crate::record::Steps;
 use crate::structure::{BuilderName, Built, LayoutName, Measured, Shape, Structure, Variant};
 
 pub(crate) fn build(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
+    if variant.builder == BuilderName::Objects {
+        let measured = Measured::try_of(|| of_objects(mesh, threads))?;
+        return Ok(measured.into_built(|wide, _| Box::new(Wide { bvh: None, wide })));
+    }
     let options = options(variant.builder)?.with_threads(threads);
     let mesh = Arc::clone(mesh);
     if variant.layout == LayoutName::Binary {
@@ -20,9 +25,20 @@ pub(crate) fn build(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyho
     let measured = Measured::try_of(|| {
         let bvh = Bvh::build(&mesh, &options)?;
         let wide = bvh.wide(&mesh);
-        anyhow::Ok(Wide { bvh, wide })
+        anyhow::Ok(Wide {
+            bvh: Some(bvh),
+            wide,
+        })
     })?;
     Ok(measured.into_built(|wide, _| Box::new(wide)))
+}
+
+fn of_objects(mesh: &Mesh, threads: usize) -> anyhow::Result<WideTree> {
+    if threads == 1 {
+        return Ok(WideTree::from_objects(mesh));
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
+    Ok(pool.install(|| WideTree::from_objects_parallel(mesh)))
 }
 
 fn options(builder: BuilderName) -> anyhow::Result<BvhOptions> {
@@ -62,9 +78,9 @@ impl OverMesh for Bvh {
     }
 }
 
-/// A hierarchy laid out for rays. The nodes that it was made from are kept to be looked at.
+/// A hierarchy laid out for rays. The nodes that it was made from, if there were any, are kept to be looked at.
 struct Wide {
-    bvh: Bvh,
+    bvh: Option<Bvh>,
     wide: WideTree,
 }
 
@@ -86,8 +102,15 @@ impl Structure for Wide {
     }
 
     fn shape(&self) -> Shape {
-        let stats = self.bvh.stats();
         let bytes = self.wide.bytes();
+        let shape = Shape {
+            bytes_total: bytes.nodes + bytes.blocks,
+            ..Shape::unknown()
+        };
+        let Some(bvh) = &self.bvh else {
+            return shape;
+        };
+        let stats = bvh.stats();
         Shape {
             nodes: stats.nodes,
             leaves: stats.leaves,
@@ -95,9 +118,8 @@ impl Structure for Wide {
             depth: stats.depth,
             sah_cost_15_20: stats.sah_cost_15_20,
             sah_cost_own: stats.sah_cost_own,
-            bytes_total: bytes.nodes + bytes.blocks,
             text: stats.to_string(),
-            ..Shape::unknown()
+            ..shape
         }
     }
 

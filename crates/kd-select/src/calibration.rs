@@ -22,7 +22,7 @@ pub enum RayScheme {
     Path,
 }
 
-/// What a grid tells of a scene.
+/// What a grid tells of a scene, and a sample of rays through it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Features {
@@ -34,15 +34,19 @@ pub struct Features {
     pub sigma: f64,
     /// The part of cells that is empty.
     pub sparseness: f64,
+    /// The part of the sampled rays that hits something.
+    pub hit_share: f64,
 }
 
-impl From<&GridStats> for Features {
-    fn from(stats: &GridStats) -> Self {
+impl Features {
+    /// Of a grid's statistics and the part of a sample of rays that hits something.
+    pub fn new(stats: &GridStats, hit_share: f64) -> Self {
         Self {
             triangles: stats.triangles as u64,
             refs_per_triangle: stats.refs_per_triangle(),
             sigma: stats.standard_deviation(),
             sparseness: stats.sparseness(),
+            hit_share,
         }
     }
 }
@@ -214,11 +218,13 @@ impl Calibration {
                 refs_per_triangle,
                 sigma,
                 sparseness,
+                hit_share,
             } = *features;
             if triangles == 0 || !(refs_per_triangle >= 1.0 && refs_per_triangle.is_finite()) {
                 return refuse("it has no triangles, or they are in no cell".into());
             }
-            if !(sigma >= 0.0 && sigma.is_finite() && (0.0..1.0).contains(&sparseness)) {
+            let are_shares = (0.0..1.0).contains(&sparseness) && (0.0..=1.0).contains(&hit_share);
+            if !(sigma >= 0.0 && sigma.is_finite() && are_shares) {
                 return refuse("its statistics are no statistics".into());
             }
             if !times.contains_key(&Structure::Grid) {
@@ -265,6 +271,7 @@ mod tests {
                 refs_per_triangle: 2.6,
                 sigma: 4.8,
                 sparseness: 0.9,
+                hit_share: 0.4,
             },
             times: BTreeMap::from([
                 (Structure::Grid, Times::new(0.004, 1e-6)),

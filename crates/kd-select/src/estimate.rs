@@ -2,12 +2,13 @@
 //!
 //! The paper estimates T_H and t_H from the number of triangles alone, is off by 25 to 30 %, and names further statistics of the
 //! scene as future work. Here the logarithm of T_H / T_G, and that of t_H / t_G, is a linear function of what the grid tells,
-//! measured times included: they stand for how large triangles are, how rays go, and how fast the machine is, and so a
-//! calibration of another machine is of use too.
+//! measured times included, which stand for how large triangles are and how rays go. Since only ratios count, a calibration of
+//! another machine is of use too; one of this machine is of more, since it tells a slow mesh from a slow machine.
 
-use crate::calibration::{Features, MeasuredScene};
+use crate::calibration::{Calibration, Features, MeasuredScene, RayScheme};
 use crate::linear::{Linear, Row};
-use crate::paper::log2;
+use crate::machine::Machine;
+use crate::paper::{Hierarchy, log2};
 use crate::times::{Opening, Structure, Times};
 
 /// How much a row of the fit must say to be heard: chosen by leaving out each scene of `cargo xtask paper grid-table` in turn,
@@ -18,8 +19,19 @@ const PENALTY: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub struct Estimator {
     models: Vec<Model>,
+    /// Whether it rests on measurements of this machine.
+    is_same_machine: bool,
+    /// What structures cost by the number of triangles alone, the grid first.
+    by_size: Vec<(Structure, Law)>,
     /// The most rays for each triangle up to which a grid was best on any scene.
     most_rays_each: f64,
+}
+
+/// Equations 7 and 8 of the paper, for one structure: seconds for each N log₂ N, and of a ray for each log₂ N.
+#[derive(Clone, Copy, Debug)]
+struct Law {
+    build: f64,
+    ray: f64,
 }
 
 /// Of one structure.
@@ -41,34 +53,53 @@ struct OpeningModel {
     rays: Linear,
 }
 
-/// What the models depend on.
-fn row(features: &Features, grid: &Times) -> Row {
+/// What the models depend on. How long a triangle took in the grid means something where the machine is that of the
+/// calibration; elsewhere it is taken for what it is everywhere, and counts for nothing.
+fn row(features: &Features, grid: &Times, is_same_machine: bool) -> Row {
     let per_triangle = grid.build_seconds / features.triangles.max(1) as f64;
     [
         log2(features.triangles),
         features.refs_per_triangle.max(1.0).ln(),
         features.sigma.ln_1p(),
         features.sparseness,
+        features.hit_share,
         (grid.ray_seconds / per_triangle).ln(),
+        if is_same_machine {
+            per_triangle.ln()
+        } else {
+            0.0
+        },
     ]
 }
 
 impl Estimator {
-    /// Fitted to scenes, which are those of a calibration, and all with one scheme of rays. A structure that no scene has is not
-    /// estimated.
-    pub fn fit<'a>(scenes: impl IntoIterator<Item = &'a MeasuredScene>) -> Self {
+    /// By what a calibration has of rays of one scheme. Whether it is of this machine is found out.
+    pub fn of(calibration: &Calibration, scheme: RayScheme) -> Self {
+        let is_same_machine = calibration.machine == Machine::here();
+        Self::fit(calibration.of_scheme(scheme), is_same_machine)
+    }
+
+    /// Fitted to scenes that were all measured on one machine, this one or another, with one scheme of rays. A structure that no
+    /// scene has is not estimated.
+    pub fn fit<'a>(
+        scenes: impl IntoIterator<Item = &'a MeasuredScene>,
+        is_same_machine: bool,
+    ) -> Self {
         let scenes: Vec<&MeasuredScene> = scenes.into_iter().collect();
         let others = Structure::ALL.into_iter().filter(|s| *s != Structure::Grid);
-        let models = others.filter_map(|structure| Model::fit(structure, &scenes));
+        let models = others.filter_map(|structure| Model::fit(structure, &scenes, is_same_machine));
+        let law = |structure: &Structure| Some((*structure, Law::of(*structure, &scenes)?));
         Self {
             models: models.collect(),
+            is_same_machine,
+            by_size: Structure::ALL.iter().filter_map(law).collect(),
             most_rays_each: scenes.iter().map(|s| rays_each(s)).fold(0.0, f64::max),
         }
     }
 
     /// What each structure costs over a scene whose grid cost so much; the grid first, as it is.
     pub fn estimate(&self, features: &Features, grid: &Times) -> Vec<(Structure, Times)> {
-        let row = row(features, grid);
+        let row = row(features, grid, self.is_same_machine);
         let others = self.models.iter().map(|model| {
             let opening = model.opening.as_ref().map(|opening| Opening {
                 seconds: grid.build_seconds * opening.seconds.at(&row).exp(),
@@ -86,11 +117,54 @@ impl Estimator {
             .collect()
     }
 
+    /// What each structure costs by the number of triangles alone (the paper's equations 7 and 8), the grid and those that are
+    /// built where rays go left out.
+    pub fn by_size(&self, triangles: u64) -> Vec<(Structure, Times)> {
+        let are_built =
+            |structure: Structure| !matches!(structure, Structure::Grid | Structure::Lazy);
+        let built = self
+            .by_size
+            .iter()
+            .filter(|(structure, _)| are_built(*structure));
+        built
+            .map(|(structure, law)| (*structure, law.at(triangles)))
+            .collect()
+    }
+
+    /// What a grid costs by the number of triangles alone; a nanosecond each if none was measured.
+    pub fn grid_by_size(&self, triangles: u64) -> Times {
+        let grid = self
+            .by_size
+            .iter()
+            .find(|(structure, _)| *structure == Structure::Grid);
+        grid.map_or(Times::new(1e-9, 1e-9), |(_, law)| law.at(triangles))
+    }
+
     /// Whether a grid may be best for so many rays: not where there are many times more for each triangle than on any scene that
     /// was measured.
     pub fn may_be_few(&self, triangles: u64, rays: f64) -> bool {
         const MORE: f64 = 4.0;
         rays <= MORE * self.most_rays_each * triangles as f64
+    }
+}
+
+impl Law {
+    fn of(structure: Structure, scenes: &[&MeasuredScene]) -> Option<Self> {
+        let measured = scenes.iter().filter_map(|scene| {
+            let times = scene.times_of(structure)?;
+            Some((scene.features.triangles, times))
+        });
+        // Two triangles have one level: twice the factor of the one, and that of the other.
+        let unit = Hierarchy::estimate(measured, 2)?;
+        Some(Self {
+            build: unit.build_seconds / 2.0,
+            ray: unit.ray_seconds,
+        })
+    }
+
+    fn at(self, triangles: u64) -> Times {
+        let levels = log2(triangles);
+        Times::new(self.build * triangles as f64 * levels, self.ray * levels)
     }
 }
 
@@ -113,7 +187,7 @@ fn rays_each(scene: &MeasuredScene) -> f64 {
 }
 
 impl Model {
-    fn fit(structure: Structure, scenes: &[&MeasuredScene]) -> Option<Self> {
+    fn fit(structure: Structure, scenes: &[&MeasuredScene], is_same_machine: bool) -> Option<Self> {
         let (mut rows, mut builds, mut rays) = (Vec::new(), Vec::new(), Vec::new());
         let (mut opening_seconds, mut opening_rays) = (Vec::new(), Vec::new());
         for scene in scenes {
@@ -121,7 +195,7 @@ impl Model {
             let Some(times) = times else {
                 continue;
             };
-            rows.push(row(&scene.features, grid));
+            rows.push(row(&scene.features, grid, is_same_machine));
             builds.push((times.build_seconds / grid.build_seconds).ln());
             rays.push((times.ray_seconds / grid.ray_seconds).ln());
             if let Some(opening) = times.opening {
@@ -153,7 +227,6 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::calibration::RayScheme;
 
     /// Scenes whose trees cost more the larger their triangles are.
     fn scenes() -> Vec<MeasuredScene> {
@@ -163,9 +236,11 @@ mod tests {
                 refs_per_triangle: 1.5 + 0.5 * f64::from(i % 5),
                 sigma: 3.0 + f64::from(i * 7 % 11),
                 sparseness: 0.5 + 0.04 * f64::from(i % 10),
+                hit_share: 0.1 * f64::from(i * 3 % 8),
             };
+            let per_triangle = 1e-8 * (1.0 + 0.1 * f64::from(i * 5 % 7));
             let grid = Times::new(
-                1e-8 * features.triangles as f64,
+                per_triangle * features.triangles as f64,
                 1e-6 * f64::from(1 + i % 3),
             );
             let times = BTreeMap::from([
@@ -195,7 +270,7 @@ mod tests {
         let scenes = scenes();
         for left_out in 0..scenes.len() {
             let others = scenes.iter().enumerate().filter(|(i, _)| *i != left_out);
-            let estimator = Estimator::fit(others.map(|(_, scene)| scene));
+            let estimator = Estimator::fit(others.map(|(_, scene)| scene), left_out % 2 == 0);
             let MeasuredScene {
                 features, times, ..
             } = &scenes[left_out];
@@ -224,11 +299,11 @@ mod tests {
         }
     }
 
-    /// On a machine that takes twice as long for everything, everything is estimated to.
+    /// On another machine, which takes twice as long for everything, everything is estimated to.
     #[test]
     fn the_speed_of_the_machine_does_not_matter() {
         let scenes = scenes();
-        let estimator = Estimator::fit(&scenes);
+        let estimator = Estimator::fit(&scenes, false);
         let grid = scenes[5].times[&Structure::Grid];
         let slow = Times::new(2.0 * grid.build_seconds, 2.0 * grid.ray_seconds);
         let [here, there] =
@@ -241,6 +316,30 @@ mod tests {
             (there.ray_seconds / here.ray_seconds - 2.0).abs() < 1e-9,
             "{here:?} {there:?}"
         );
+    }
+
+    /// Meshes whose triangles take a grid longer, and nothing else: only on the machine that was measured does that show.
+    #[test]
+    fn a_slow_mesh_is_told_from_a_slow_machine() {
+        let mut scenes = scenes();
+        for scene in &mut scenes {
+            let features = scene.features;
+            let tree = Times::new(1e-7 * features.triangles as f64, 1e-7);
+            scene.times.insert(Structure::Fast, tree);
+        }
+        let error = |is_same_machine: bool| {
+            let estimator = Estimator::fit(&scenes, is_same_machine);
+            let errors = scenes.iter().map(|scene| {
+                let grid = scene.times[&Structure::Grid];
+                let estimate = estimator.estimate(&scene.features, &grid)[1].1;
+                (estimate.build_seconds / scene.times[&Structure::Fast].build_seconds)
+                    .ln()
+                    .abs()
+            });
+            errors.fold(0.0, f64::max)
+        };
+        assert!(error(true) < 0.05, "{}", error(true));
+        assert!(error(false) > 0.1, "{}", error(false));
     }
 
     #[test]
@@ -258,7 +357,7 @@ mod tests {
             };
             scene.times.insert(Structure::Lazy, lazy);
         }
-        let estimator = Estimator::fit(&scenes);
+        let estimator = Estimator::fit(&scenes, true);
         let MeasuredScene {
             features, times, ..
         } = &scenes[9];
@@ -279,14 +378,38 @@ mod tests {
     }
 
     #[test]
+    fn by_size_is_what_the_equations_say() {
+        let scenes = scenes();
+        let estimator = Estimator::fit(&scenes, true);
+        let measured = scenes
+            .iter()
+            .map(|s| (s.features.triangles, &s.times[&Structure::Fast]));
+        let expected = Hierarchy::estimate(measured, 5000).expect("scenes");
+        let [(structure, times)] = estimator.by_size(5000)[..] else {
+            panic!("one structure beside the grid");
+        };
+        assert_eq!(structure, Structure::Fast, "the other one");
+        let off = |a: f64, b: f64| (a / b - 1.0).abs();
+        assert!(
+            off(times.build_seconds, expected.build_seconds) < 1e-9,
+            "{times:?}"
+        );
+        assert!(
+            off(times.ray_seconds, expected.ray_seconds) < 1e-9,
+            "{times:?}"
+        );
+        assert!(estimator.grid_by_size(5000).are_sound(), "of the grid");
+    }
+
+    #[test]
     fn very_many_rays_need_no_grid() {
-        let estimator = Estimator::fit(&scenes());
+        let estimator = Estimator::fit(&scenes(), true);
         assert!(estimator.may_be_few(1000, 10.0), "a few");
         assert!(
             !estimator.may_be_few(1000, 1e9),
             "more than a grid was ever good for"
         );
-        let nothing = Estimator::fit([]);
+        let nothing = Estimator::fit([], true);
         assert!(!nothing.may_be_few(1000, 1.0), "nothing is known");
     }
 }

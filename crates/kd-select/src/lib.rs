@@ -8,10 +8,16 @@
 //! use kd_select::{Calibration, Choice, Estimator, Features, RayScheme, Structure, Times};
 //!
 //! let calibration = Calibration::built_in();
-//! let estimator = Estimator::fit(calibration.of_scheme(RayScheme::Random));
+//! let estimator = Estimator::of(&calibration, RayScheme::Random);
 //!
 //! // A grid was built in 12 ms, its statistics were taken, and some rays were traced through it.
-//! let features = Features { triangles: 200_000, refs_per_triangle: 2.6, sigma: 5.1, sparseness: 0.93 };
+//! let features = Features {
+//!     triangles: 200_000,
+//!     refs_per_triangle: 2.6,
+//!     sigma: 5.1,
+//!     sparseness: 0.93,
+//!     hit_share: 0.25,
+//! };
 //! let grid = Times::new(12e-3, 1.5e-6);
 //!
 //! let costs = estimator.estimate(&features, &grid);

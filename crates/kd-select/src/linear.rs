@@ -1,7 +1,7 @@
 //! Linear models of few terms.
 
 /// How many features there are.
-pub(crate) const TERMS: usize = 5;
+pub(crate) const TERMS: usize = 7;
 
 /// The features of a scene.
 pub(crate) type Row = [f64; TERMS];
@@ -106,7 +106,7 @@ mod tests {
     fn rows() -> Vec<Row> {
         let x = |i: u32, k: u32| f64::from((i * (2 * k + 3) + i * i * (k + 1)) % 17);
         (0..40)
-            .map(|i| [x(i, 0), x(i, 1), x(i, 2), x(i, 3), 7.0])
+            .map(|i| [x(i, 0), x(i, 1), x(i, 2), x(i, 3), x(i, 4), x(i, 5), 7.0])
             .collect()
     }
 
@@ -143,7 +143,7 @@ mod tests {
         let rows = rows();
         let values: Vec<f64> = rows.iter().map(|row| row[0]).collect();
         let linear = Linear::fit(&rows, &values, 1e-9).expect("rows");
-        let at = |x: f64| linear.at(&[x, 8.0, 8.0, 8.0, 7.0]);
+        let at = |x: f64| linear.at(&[x, 8.0, 8.0, 8.0, 8.0, 8.0, 7.0]);
         assert_eq!(at(1e3), at(1e9), "both are far out");
         let one = Linear::fit(&rows[..1], &values[..1], 1.0).expect("one row");
         assert_eq!(one.at(&rows[7]), values[0], "the only one there is");

@@ -89,6 +89,12 @@
 //! [`nodes`](KdTree::nodes) are plain 8-byte values ([`Node`]), ready to be sent elsewhere, and
 //! [`KdTree::intersect_counted`] tells what a ray had to do.
 //!
+//! # How many rays?
+//!
+//! A kd-tree pays where rays are many. Where they may be few, [`Accel::auto`] chooses, given how many there will be: a uniform
+//! grid, wide nodes of objects, or a kd-tree built with more or less care. It has the same queries and the same answers, and
+//! [`Accel::decision`] tells why. The structures are in [`grid`] and [`bvh`], and what the choice rests on in [`select`].
+//!
 //! # Keeping trees
 //!
 //! [`KdTree::save`] writes mesh and tree to a file and [`KdTree::load`] reads it back, verified, without building.
@@ -99,6 +105,7 @@
 //! adds `load_mesh`.
 #![forbid(unsafe_code)]
 
+mod accel;
 #[cfg(feature = "counters")]
 mod counters;
 mod lazy;
@@ -106,6 +113,7 @@ mod scene;
 mod traced;
 mod tree;
 
+pub use accel::{Accel, AccelError, Decision, RayBudget, Why};
 pub use glam;
 pub use kd_core::{
     Aabb, Axis, CostModel, FileError, Hit, Layout, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
@@ -123,6 +131,27 @@ pub use scene::{
     Scene, SceneError, Strategy,
 };
 pub use tree::KdTree;
+
+/// Uniform grids: there at once, slow for each ray where triangles are spread unevenly.
+pub mod grid {
+    pub use kd_grid::{BuildError, GridOptions, GridStats, Overlap, UniformGrid};
+}
+
+/// Bounding volume hierarchies: quickly built, and they move with what is in them.
+pub mod bvh {
+    pub use kd_bvh::{
+        BuildError, Bvh, BvhCounts, BvhMethod, BvhNode, BvhNodeView, BvhOptions, BvhStats,
+        RefitError,
+    };
+}
+
+/// What choices between structures rest on: calibrations and estimates.
+pub mod select {
+    pub use kd_select::{
+        Calibration, CalibrationError, Choice, Estimator, Features, Machine, MeasuredScene,
+        Opening, RayScheme, Structure, Times, break_even, paper,
+    };
+}
 
 /// For trees over other things than triangles: implement [`PrimSource`](custom::PrimSource), and
 /// [`build`](custom::build) gives a [`Tree`] to walk.

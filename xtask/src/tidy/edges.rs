@@ -19,7 +19,16 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-cli", &["kd", "kd-render", "kd-scene"]),
     (
         "kd",
-        &["kd-core", "kd-merge", "kd-sah", "kd-trace", "kd-scene"],
+        &[
+            "kd-bvh",
+            "kd-core",
+            "kd-grid",
+            "kd-merge",
+            "kd-sah",
+            "kd-select",
+            "kd-trace",
+            "kd-scene",
+        ],
     ),
     (
         "kd-bench",

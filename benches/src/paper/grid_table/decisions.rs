@@ -16,8 +16,10 @@ const AS_GOOD: f64 = 1.1;
 /// A way to decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rule {
-    /// The least total by estimates from what the grid tells.
+    /// The least total by estimates from what the grid tells, calibrated on this machine.
     Widened,
+    /// The same, calibrated on another machine: only ratios count.
+    Foreign,
     /// The paper's eight steps.
     Paper,
     /// Havran et al.: a grid where it is regular.
@@ -26,8 +28,9 @@ enum Rule {
     Always(Kind),
 }
 
-const RULES: [Rule; 7] = [
+const RULES: [Rule; 8] = [
     Rule::Widened,
+    Rule::Foreign,
     Rule::Paper,
     Rule::Regular,
     Rule::Always(Kind::Grid),
@@ -40,6 +43,7 @@ impl Rule {
     fn name(self) -> String {
         match self {
             Self::Widened => "chosen among all".into(),
+            Self::Foreign => "as if on another machine".into(),
             Self::Paper => "the paper's rule".into(),
             Self::Regular => "grid if σ ≤ 2".into(),
             Self::Always(kind) => format!("always {kind}"),
@@ -56,6 +60,8 @@ struct Case {
     best: Kind,
     /// The total of the one over that of the other.
     over_best: f64,
+    /// The same, had there been the grid and the kd-tree of the table alone.
+    over_best_of_two: f64,
 }
 
 /// All cases of each rule.
@@ -87,12 +93,14 @@ impl Decisions {
             if others.is_empty() {
                 continue;
             }
-            let estimator = Estimator::fit(others.iter().map(|other| &other.scene));
+            let estimators = [true, false].map(|is_same_machine| {
+                Estimator::fit(others.iter().map(|other| &other.scene), is_same_machine)
+            });
             for budget in 0..BUDGETS {
                 let rays = break_even
                     * 10.0_f64.powf(f64::from(2 * budget) / f64::from(BUDGETS - 1) - 1.0);
                 for (cases, rule) in decisions.of_rules.iter_mut().zip(RULES) {
-                    let chosen = choose(rule, scene, &others, &estimator, rays);
+                    let chosen = choose(rule, scene, &others, &estimators, rays);
                     cases.push(Case::new(scene, rays, chosen));
                 }
             }
@@ -135,20 +143,17 @@ impl Decisions {
 
 impl Case {
     fn new(scene: &Measured, rays: f64, chosen: Kind) -> Self {
-        let totals = scene
-            .scene
-            .times
-            .iter()
-            .map(|(kind, times)| (*kind, times.total(rays)));
-        let best = totals
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .expect("some structures");
+        let total = |kind: Kind| scene.times(kind).total(rays);
+        let kinds = scene.scene.times.keys().copied();
+        let best = kinds.min_by(|a, b| total(*a).total_cmp(&total(*b)));
+        let best = best.expect("some structures");
         Self {
             scene: scene.scene.scene.clone(),
             rays,
             chosen,
-            best: best.0,
-            over_best: scene.times(chosen).total(rays) / best.1,
+            best,
+            over_best: total(chosen) / total(best),
+            over_best_of_two: total(chosen) / total(Kind::Grid).min(total(KD)),
         }
     }
 }
@@ -157,13 +162,18 @@ fn choose(
     rule: Rule,
     scene: &Measured,
     others: &[&Measured],
-    estimator: &Estimator,
+    [here, elsewhere]: &[Estimator; 2],
     rays: f64,
 ) -> Kind {
     let features = &scene.scene.features;
     let grid: Times = scene.sampled_grid();
     match rule {
-        Rule::Widened => {
+        Rule::Widened | Rule::Foreign => {
+            let estimator = if rule == Rule::Widened {
+                here
+            } else {
+                elsewhere
+            };
             let costs = estimator.estimate(features, &grid);
             Choice::among(&costs, rays)
                 .expect("the grid at least")
@@ -192,43 +202,35 @@ fn choose(
 pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
     let mut rows = Vec::new();
     for (number, rule) in RULES.into_iter().enumerate() {
-        let over_best = |of: &dyn Fn(&[f64]) -> f64| -> Vec<Option<f64>> {
-            let values = decisions.iter().map(|decisions| {
-                let ratios = decisions.of_rules[number].iter().map(|case| case.over_best);
-                let ratios: Vec<f64> = ratios.collect();
-                (!ratios.is_empty()).then(|| of(&ratios))
-            });
-            values.collect()
-        };
-        let goal = if rule == Rule::Widened {
-            Goal::AtLeast(90.0)
-        } else {
-            Goal::None
-        };
-        let name = rule.name();
-        rows.push(Row::new(
-            format!("{name}: within 10 % of the best, %"),
-            goal,
-            over_best(&|ratios| {
+        let mut add = |what: &str, goal, over: fn(&Case) -> f64| {
+            let of_cases = |of: &dyn Fn(&[f64]) -> f64| -> Vec<Option<f64>> {
+                let values = decisions.iter().map(|decisions| {
+                    let ratios: Vec<f64> = decisions.of_rules[number].iter().map(over).collect();
+                    (!ratios.is_empty()).then(|| of(&ratios))
+                });
+                values.collect()
+            };
+            let name = |figure: &str| format!("{}, over {what}: {figure}", rule.name());
+            let within = of_cases(&|ratios| {
                 let good = ratios.iter().filter(|ratio| **ratio <= AS_GOOD).count();
                 100.0 * good as f64 / ratios.len() as f64
-            }),
-            minimum,
-        ));
-        let mean = over_best(&arithmetic_mean);
-        rows.push(Row::new(
-            format!("{name}: total / best, mean"),
-            Goal::None,
-            mean,
-            maximum,
-        ));
-        let worst = over_best(&maximum);
-        rows.push(Row::new(
-            format!("{name}: total / best, worst"),
-            Goal::None,
-            worst,
-            maximum,
-        ));
+            });
+            rows.push(Row::new(name("within 10 %, %"), goal, within, minimum));
+            let mean = of_cases(&arithmetic_mean);
+            rows.push(Row::new(name("mean"), Goal::None, mean, maximum));
+            let worst = of_cases(&maximum);
+            rows.push(Row::new(name("worst"), Goal::None, worst, maximum));
+        };
+        let goal = match rule {
+            Rule::Widened => Goal::AtLeast(90.0),
+            _ => Goal::None,
+        };
+        add("the best", goal, |case| case.over_best);
+        if rule == Rule::Paper {
+            add("the better of two", Goal::None, |case| {
+                case.over_best_of_two
+            });
+        }
     }
     Table {
         scenes: vec!["random".into(), "path-traced".into()],

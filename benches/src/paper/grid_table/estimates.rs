@@ -67,7 +67,7 @@ impl Estimates {
                 }
                 let (known, unknown) = scenes.split_at(calibrated);
                 let estimator = (combination % FEWER == 0)
-                    .then(|| Estimator::fit(known.iter().map(|known| &known.scene)));
+                    .then(|| Estimator::fit(known.iter().map(|known| &known.scene), true));
                 for scene in unknown {
                     let truth = once_built(scene).expect("only such are left");
                     let estimate =

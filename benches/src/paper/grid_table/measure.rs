@@ -40,10 +40,14 @@ const SAMPLE: usize = 512;
 const EARLY: usize = 16;
 
 /// The structures that are built before rays are asked.
-const BUILT: [(Kind, Variant); 4] = [
+const BUILT: [(Kind, Variant); 5] = [
     (
         Kind::Grid,
         variant(StructureName::Grid, BuilderName::Exact, LayoutName::Own),
+    ),
+    (
+        Kind::Bvh,
+        variant(StructureName::Bvh, BuilderName::Objects, LayoutName::Wide),
     ),
     (
         Kind::Fast,
@@ -130,12 +134,11 @@ pub(super) fn measure(
         rays::path_traced(&loaded.description, settings.side)?,
     ];
     let mesh = &loaded.mesh;
-    let grid = UniformGrid::build(mesh, &GridOptions::new())?;
-    let features = Features::from(&grid.stats());
-    drop(grid);
+    let stats = UniformGrid::build(mesh, &GridOptions::new())?.stats();
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
     let mut samples = [Vec::new(), Vec::new()];
+    let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
     for repeat in 0..settings.repeats {
         let mut expected: Option<[Answered; 2]> = None;
@@ -147,12 +150,14 @@ pub(super) fn measure(
             let mut answers = [Answered::default(), Answered::default()];
             for (number, rays) in kinds.iter().enumerate() {
                 if *kind == Kind::Grid {
-                    let sample = rays.spread(SAMPLE);
-                    let seconds = seconds_of(structure, &sample, &mut Answered::default());
-                    samples[number].push(seconds / sample.len() as f64);
+                    let (first, rest) = rays.spread(SAMPLE).quarter();
+                    seconds_of(structure, &first, &mut Answered::default());
+                    let seconds = seconds_of(structure, &rest, &mut Answered::default());
+                    samples[number].push(seconds / rest.len() as f64);
                 }
                 let seconds = seconds_of(structure, rays, &mut answers[number]);
                 of_kind.rays[number].push(seconds);
+                hit_shares[number] = answers[number].hit_share();
             }
             let expected = expected.get_or_insert_with(|| answers.clone());
             if repeat == 0 && answers != *expected {
@@ -181,7 +186,7 @@ pub(super) fn measure(
             scene: MeasuredScene {
                 scene: loaded.name.clone(),
                 rays: scheme,
-                features,
+                features: Features::new(&stats, hit_shares[number]),
                 times,
             },
         }

@@ -37,14 +37,48 @@ impl Rays {
         structure.any(&self.any, &mut answered.any);
     }
 
-    /// About so many, spread evenly over all.
+    /// About so many, in runs of neighbours spread evenly over all.
     pub(super) fn spread(&self, count: usize) -> Self {
+        const RUN: usize = 64;
         let stride = self.len().div_ceil(count.max(1)).max(1);
-        let some = |rays: &[Ray]| rays.iter().copied().step_by(stride).collect();
+        let some = |rays: &[Ray]| {
+            rays.chunks(RUN)
+                .step_by(stride)
+                .flatten()
+                .copied()
+                .collect()
+        };
         Self {
             closest: some(&self.closest),
             any: some(&self.any),
         }
+    }
+
+    /// The first quarter, and the rest.
+    pub(super) fn quarter(&self) -> (Self, Self) {
+        let halves = |rays: &[Ray]| {
+            let (first, rest) = rays.split_at(rays.len() / 4);
+            (first.to_vec(), rest.to_vec())
+        };
+        let (closest, any) = (halves(&self.closest), halves(&self.any));
+        let first = Self {
+            closest: closest.0,
+            any: any.0,
+        };
+        let rest = Self {
+            closest: closest.1,
+            any: any.1,
+        };
+        (first, rest)
+    }
+}
+
+impl Answered {
+    /// The part of rays that hit.
+    pub(super) fn hit_share(&self) -> f64 {
+        let hits =
+            self.closest.iter().flatten().count() + self.any.iter().filter(|any| **any).count();
+        hits as f64 / (self.closest.len() + self.any.len()).max(1) as f64
     }
 }
 

@@ -1,0 +1,205 @@
+//! Choosing: steps 1 to 8 of the paper, among more than two.
+
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+#[cfg(not(target_family = "wasm"))]
+use std::time::Instant;
+
+use kd_core::{Mesh, Ray};
+use kd_grid::{GridOptions, UniformGrid};
+use kd_select::{Calibration, Choice, Estimator, Features, RayScheme, Structure, Times};
+
+use super::{Accel, AccelError, Built, RayBudget};
+
+/// What was chosen, and why. Its text form tells the costs that were compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decision {
+    structure: Structure,
+    why: Why,
+    choice: Option<Choice>,
+}
+
+/// What a choice rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Why {
+    /// It was asked for.
+    Asked,
+    /// There are fewer rays than it takes to tell: whatever is there first.
+    HardlyAnyRays,
+    /// There are so many more rays for each triangle than a grid was ever best for that none was built. Costs were estimated
+    /// from the number of triangles alone.
+    ManyRays,
+    /// Its total is least, by what the grid took and by estimates for the others.
+    LeastTotal,
+}
+
+/// With fewer rays there is nothing to try a grid on.
+const HARDLY_ANY: u64 = 64;
+
+impl Decision {
+    pub(super) fn asked_for(structure: Structure) -> Self {
+        Self {
+            structure,
+            why: Why::Asked,
+            choice: None,
+        }
+    }
+
+    /// What was chosen.
+    pub fn structure(&self) -> Structure {
+        self.structure
+    }
+
+    /// What the choice rests on.
+    pub fn why(&self) -> Why {
+        self.why
+    }
+
+    /// The costs that were compared, if any were. Where a grid was built, building it counts no more, since that is done.
+    pub fn choice(&self) -> Option<&Choice> {
+        self.choice.as_ref()
+    }
+}
+
+impl fmt::Display for Decision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let why = match self.why {
+            Why::Asked => "it was asked for",
+            Why::HardlyAnyRays => "there are fewer rays than it takes to tell",
+            Why::ManyRays => "there are many more rays than a grid is good for",
+            Why::LeastTotal => "its total is least, the grid being there",
+        };
+        write!(f, "{}: {why}", self.structure)?;
+        if let Some(choice) = &self.choice {
+            write!(f, "\n{choice}")?;
+        }
+        Ok(())
+    }
+}
+
+/// By the calibration that comes with the library.
+pub(super) fn built_in(scheme: RayScheme) -> &'static Estimator {
+    static ESTIMATORS: OnceLock<[Estimator; 2]> = OnceLock::new();
+    let [random, path] = ESTIMATORS.get_or_init(|| {
+        let calibration = Calibration::built_in();
+        [RayScheme::Random, RayScheme::Path].map(|scheme| Estimator::of(&calibration, scheme))
+    });
+    match scheme {
+        RayScheme::Random => random,
+        RayScheme::Path => path,
+    }
+}
+
+/// The eight steps, with all structures for the hierarchy.
+pub(super) fn choose(
+    mesh: Arc<Mesh>,
+    budget: &RayBudget,
+    estimator: &Estimator,
+) -> Result<Accel, AccelError> {
+    let triangles = mesh.len() as u64;
+    let rays = budget.count() as f64;
+    if budget.count() > HARDLY_ANY && !estimator.may_be_few(triangles, rays) {
+        let costs = estimator.by_size(triangles);
+        if let Some(choice) = Choice::among(&costs, rays) {
+            return Accel::decided(mesh, None, Why::ManyRays, choice);
+        }
+    }
+    let (grid, build_seconds) = timed(|| UniformGrid::build(&mesh, &GridOptions::new()));
+    let grid = grid?;
+    if budget.count() <= HARDLY_ANY || mesh.is_empty() {
+        return Ok(Accel {
+            mesh,
+            built: Built::Grid(grid),
+            decision: Decision {
+                structure: Structure::Grid,
+                why: Why::HardlyAnyRays,
+                choice: None,
+            },
+        });
+    }
+    let sample = budget.sample(&mesh.bounds());
+    let tried = try_grid(&grid, &mesh, &sample);
+    let features = Features::new(&grid.stats(), tried.hit_share);
+    let measured = build_seconds.zip(tried.ray_seconds);
+    let times = measured.map_or_else(
+        // There is no clock: what calibrated grids of this size took.
+        || estimator.grid_by_size(triangles),
+        |(build, ray)| Times::new(build, ray),
+    );
+    let mut costs = estimator.estimate(&features, &times);
+    // The grid comes first, and is there.
+    costs[0].1.build_seconds = 0.0;
+    let choice = Choice::among(&costs, rays).expect("the grid at least");
+    Accel::decided(mesh, Some(grid), Why::LeastTotal, choice)
+}
+
+impl Accel {
+    /// Builds what was chosen, if that is not the grid that is there.
+    fn decided(
+        mesh: Arc<Mesh>,
+        grid: Option<UniformGrid>,
+        why: Why,
+        choice: Choice,
+    ) -> Result<Self, AccelError> {
+        let structure = choice.structure;
+        let built = match grid {
+            Some(grid) if structure == Structure::Grid => Built::Grid(grid),
+            // Before the other one needs memory.
+            grid => {
+                drop(grid);
+                Built::new(&mesh, structure)?
+            }
+        };
+        Ok(Self {
+            mesh,
+            built,
+            decision: Decision {
+                structure,
+                why,
+                choice: Some(choice),
+            },
+        })
+    }
+}
+
+/// What a sample of rays told.
+struct Tried {
+    /// Of a ray, if there is a clock.
+    ray_seconds: Option<f64>,
+    /// The part of them that hit.
+    hit_share: f64,
+}
+
+/// Step 2. The first quarter of the rays warms up.
+fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray]) -> Tried {
+    let hits = |rays: &[Ray]| {
+        let hits = rays
+            .iter()
+            .filter(|ray| grid.intersect(mesh, ray).is_some());
+        hits.count()
+    };
+    let (first, rest) = sample.split_at(sample.len() / 4);
+    let hit_first = hits(first);
+    let (hit_rest, seconds) = timed(|| hits(rest));
+    Tried {
+        ray_seconds: seconds.map(|seconds| (seconds / rest.len() as f64).max(1e-12)),
+        hit_share: (hit_first + hit_rest) as f64 / sample.len() as f64,
+    }
+}
+
+/// What `work` returns, and the seconds it took.
+#[cfg(not(target_family = "wasm"))]
+fn timed<R>(work: impl FnOnce() -> R) -> (R, Option<f64>) {
+    let start = Instant::now();
+    let result = work();
+    // A clock may stand still for what takes hardly any time.
+    let seconds = start.elapsed().as_secs_f64().max(1e-9);
+    (result, Some(seconds))
+}
+
+/// What `work` returns; there is no clock in the browser's sandbox.
+#[cfg(target_family = "wasm")]
+fn timed<R>(work: impl FnOnce() -> R) -> (R, Option<f64>) {
+    (work(), None)
+}
