@@ -217,35 +217,32 @@ impl Build<'_> {
         Cover::of_box(first, more, slabs.of_cell(first) == slabs.of_cell(last))
     }
 
-    /// Calls `enter` for each cell of a slab and each triangle in it: the cell's number within the slab, and the triangle's. In
-    /// each cell, triangles come in order.
-    fn for_each_entry(
+    /// Finds the cells of all triangles of a slab, in the order of triangles.
+    fn entries(
         &self,
         lattice: &Lattice,
         slabs: Slabs,
         slab: usize,
         chunks: &[Chunk],
-        mut enter: impl FnMut(usize, u32),
+        entries: &mut Entries<'_>,
     ) {
         let small = SmallBoxes::new(lattice.strides);
         let strides = lattice.strides.map(|stride| stride as usize);
-        let first_cell = slabs.cells(slab).start;
+        let cells = slabs.cells(slab);
         for chunk in chunks {
             for &Placed { triangle, cover } in chunk.of_slab(slab) {
                 if cover.is_small() {
-                    let first = cover.first as usize - first_cell;
-                    for &cell in small.cells(cover.kind) {
-                        enter(first + cell as usize, triangle);
-                    }
+                    let first = cover.first as usize - cells.start;
+                    entries.add_all(first, small.cells(cover.kind), triangle);
                     continue;
                 }
                 let enter = |cell: usize| {
-                    if slabs.cells(slab).contains(&cell) {
-                        enter(cell - first_cell, triangle);
+                    if cells.contains(&cell) {
+                        entries.add_all(cell - cells.start, &[0], triangle);
                     }
                 };
                 if cover.kind == Cover::ASKED {
-                    self.ask(lattice, slabs.cells(slab), triangle, enter);
+                    self.ask(lattice, cells.clone(), triangle, enter);
                 } else {
                     each_of_box(cover.first as usize, cover.counts(), strides, enter);
                 }
@@ -304,10 +301,6 @@ impl Build<'_> {
     }
 
     /// The references of a slab, cell by cell, and in `offsets` where those of each cell end.
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "a slab has at most 2^15 cells"
-    )]
     fn enter_slab(
         &self,
         lattice: &Lattice,
@@ -316,12 +309,15 @@ impl Build<'_> {
         chunks: &[Chunk],
         offsets: &mut [u32],
     ) -> Vec<u32> {
-        // Cells are found once, and written down: that takes less than finding them again.
-        let mut entries: Vec<[u32; 2]> = Vec::new();
-        self.for_each_entry(lattice, slabs, slab, chunks, |cell, triangle| {
-            offsets[cell] += 1;
-            entries.push([cell as u32, triangle]);
-        });
+        let mut entries = Entries {
+            counts: offsets,
+            list: Vec::new(),
+        };
+        self.entries(lattice, slabs, slab, chunks, &mut entries);
+        let Entries {
+            counts: offsets,
+            list: entries,
+        } = entries;
         let mut begin = 0;
         for offset in offsets.iter_mut() {
             begin += std::mem::replace(offset, begin);
@@ -333,6 +329,32 @@ impl Build<'_> {
             *place += 1;
         }
         refs
+    }
+}
+
+/// Which triangles are in which cells of a slab.
+struct Entries<'a> {
+    /// How many each cell has.
+    counts: &'a mut [u32],
+    /// Cells, told by their places in the slab, and triangles. Cells are found once, and written down: that takes less than
+    /// finding them again.
+    list: Vec<[u32; 2]>,
+}
+
+impl Entries<'_> {
+    /// Adds a triangle to the cells that are so far from the first one.
+    #[inline(always)]
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "a slab has at most 2^15 cells"
+    )]
+    fn add_all(&mut self, first: usize, cells: &[u32], triangle: u32) {
+        // As a whole, so that there is one look at whether the list is long enough.
+        self.list.extend(cells.iter().map(|cell| {
+            let cell = first + *cell as usize;
+            self.counts[cell] += 1;
+            [cell as u32, triangle]
+        }));
     }
 }
 

@@ -34,7 +34,8 @@ pub(crate) fn with_threads<R: Send>(
     }
     // Starting threads takes longer than a small grid, so those that are there are used where the number is right.
     if threads == 0 || threads == rayon::current_num_threads() {
-        return Ok(work());
+        // Moves the work into the pool, which is woken up once, and not for each part of it.
+        return Ok(rayon::scope(|_| work()));
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
-    /// The name that the processor gives itself; where it gives none, its architecture.
+    /// The name that the processor gives itself, with its family, model and stepping; where it gives none, its architecture.
     pub cpu: String,
     /// The instructions that rays are traced with: `avx2` or `portable`.
     pub level: String,
@@ -33,8 +33,13 @@ impl fmt::Display for Machine {
 
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 fn name_of_cpu() -> Option<String> {
-    let brand = raw_cpuid::CpuId::new().get_processor_brand_string()?;
-    Some(brand.as_str().trim().to_owned())
+    let cpu = raw_cpuid::CpuId::new();
+    let brand = cpu.get_processor_brand_string()?;
+    let name = brand.as_str().trim();
+    // Virtual machines give several processors one name.
+    let info = cpu.get_feature_info()?;
+    let (family, model, stepping) = (info.family_id(), info.model_id(), info.stepping_id());
+    Some(format!("{name} ({family}, {model}, {stepping})"))
 }
 
 #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]

@@ -9,7 +9,7 @@ use kd_scene::Spd;
 use crate::check::{Subject, check, rays};
 use crate::scenes::{self, Soup};
 
-const RAYS: usize = 10_000;
+const RAYS: usize = 5_000;
 
 #[track_caller]
 fn check_scene(name: &str, mesh: &Mesh, count: usize) {

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::check::{Subject, check, rays};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(350))]
+    #![proptest_config(ProptestConfig::with_cases(150))]
 
     #[test]
     fn both_agree_with_brute_force(mesh in mesh(), seed: u64) {
