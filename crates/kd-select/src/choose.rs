@@ -15,13 +15,28 @@ pub struct Choice {
     pub costs: Vec<(Structure, Times)>,
 }
 
+/// What is built where rays go costs what they open, which is the least sure of all estimates: it must seem so many times
+/// cheaper than others.
+const CAUTION: f64 = 3.0;
+
 impl Choice {
-    /// The structure of the least total, building included, for so many rays; the earlier one among equals. `None` without
-    /// any.
+    /// The structure of the least total, building included, for so many rays; the earlier one among equals. One that is built
+    /// where rays go is chosen only where it seems to take a third of what any other does. `None` without any.
     pub fn among(costs: &[(Structure, Times)], rays: f64) -> Option<Self> {
         let mut costs = costs.to_vec();
         costs.sort_by(|a, b| a.1.total(rays).total_cmp(&b.1.total(rays)));
-        let structure = costs.first()?.0;
+        let weighed = |times: &Times| {
+            let caution = if times.opening.is_some() {
+                CAUTION
+            } else {
+                1.0
+            };
+            caution * times.total(rays)
+        };
+        let cheapest = costs
+            .iter()
+            .min_by(|a, b| weighed(&a.1).total_cmp(&weighed(&b.1)));
+        let structure = cheapest?.0;
         Some(Self {
             structure,
             rays,
@@ -63,6 +78,7 @@ impl fmt::Display for Choice {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::times::Opening;
 
     #[test]
     fn the_least_total_is_chosen() {
@@ -89,6 +105,24 @@ mod tests {
             assert_eq!(choice.total(structure), totals.first().copied(), "{choice}");
         }
         assert_eq!(Choice::among(&[], 1.0), None, "among none");
+        for (seconds, structure) in [(0.002, Structure::Lazy), (0.02, Structure::Grid)] {
+            let opening = Some(Opening {
+                seconds,
+                rays: 10.0,
+            });
+            let lazy = Times {
+                opening,
+                ..Times::new(0.001, 1e-9)
+            };
+            let costs = [costs[0], (Structure::Lazy, lazy)];
+            let choice = Choice::among(&costs, 20_000.0).expect("two");
+            assert_eq!(choice.structure, structure, "{choice}");
+            assert_eq!(
+                choice.costs[0].0,
+                Structure::Lazy,
+                "by its total the least: {choice}"
+            );
+        }
         let text = Choice::among(&costs, 1e4).expect("three").to_string();
         assert!(
             text.starts_with(

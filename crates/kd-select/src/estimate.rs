@@ -23,8 +23,8 @@ pub struct Estimator {
     is_same_machine: bool,
     /// What structures cost by the number of triangles alone, the grid first.
     by_size: Vec<(Structure, Law)>,
-    /// The most rays for each triangle up to which a grid was best on any scene.
-    most_rays_each: f64,
+    /// Up to how many rays for each triangle a grid was best on half of the scenes.
+    usual_rays_each: f64,
 }
 
 /// Equations 7 and 8 of the paper, for one structure: seconds for each N log₂ N, and of a ray for each log₂ N.
@@ -93,7 +93,7 @@ impl Estimator {
             models: models.collect(),
             is_same_machine,
             by_size: Structure::ALL.iter().filter_map(law).collect(),
-            most_rays_each: scenes.iter().map(|s| rays_each(s)).fold(0.0, f64::max),
+            usual_rays_each: usual_rays_each(&scenes),
         }
     }
 
@@ -140,11 +140,11 @@ impl Estimator {
         grid.map_or(Times::new(1e-9, 1e-9), |(_, law)| law.at(triangles))
     }
 
-    /// Whether a grid may be best for so many rays: not where there are many times more for each triangle than on any scene that
-    /// was measured.
+    /// Whether a grid is worth a try for so many rays: not where there are more for each triangle than up to which it was best on
+    /// half of the scenes that were measured. Trying it costs what it takes to build, which is lost where another structure is
+    /// chosen then.
     pub fn may_be_few(&self, triangles: u64, rays: f64) -> bool {
-        const MORE: f64 = 4.0;
-        rays <= MORE * self.most_rays_each * triangles as f64
+        rays <= self.usual_rays_each * triangles as f64
     }
 }
 
@@ -168,22 +168,23 @@ impl Law {
     }
 }
 
-/// Up to how many rays for each triangle the grid was best; none where it never is.
-fn rays_each(scene: &MeasuredScene) -> f64 {
-    let Some(grid) = scene.times_of(Structure::Grid) else {
-        return 0.0;
-    };
-    let others = scene
+/// Up to how many rays for each triangle the grid was best on a scene in the middle of all; none without scenes.
+fn usual_rays_each(scenes: &[&MeasuredScene]) -> f64 {
+    let mut each: Vec<f64> = scenes.iter().filter_map(|scene| rays_each(scene)).collect();
+    each.sort_by(f64::total_cmp);
+    each.get(each.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Up to how many rays for each triangle the grid was best, beside what is built before rays are asked.
+fn rays_each(scene: &MeasuredScene) -> Option<f64> {
+    let grid = scene.times_of(Structure::Grid)?;
+    let built = scene
         .times
         .iter()
-        .filter(|(structure, _)| **structure != Structure::Grid);
-    let ends = others.filter_map(|(_, times)| crate::times::break_even(grid, times));
-    let end = ends.fold(f64::INFINITY, f64::min);
-    if end.is_finite() {
-        end / scene.features.triangles as f64
-    } else {
-        0.0
-    }
+        .filter(|(structure, times)| **structure != Structure::Grid && times.opening.is_none());
+    let ends = built.filter_map(|(_, times)| crate::times::break_even(grid, times));
+    let end = ends.min_by(f64::total_cmp)?;
+    Some(end / scene.features.triangles as f64)
 }
 
 impl Model {

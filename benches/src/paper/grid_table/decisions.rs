@@ -103,7 +103,8 @@ impl Decisions {
                     * 10.0_f64.powf(f64::from(2 * budget) / f64::from(BUDGETS - 1) - 1.0);
                 for (cases, rule) in decisions.of_rules.iter_mut().zip(RULES) {
                     let chosen = choose(rule, scene, &others, &estimators, rays);
-                    cases.push(Case::new(scene, rays, chosen));
+                    let tries_grid = estimators[0].may_be_few(scene.triangles(), rays);
+                    cases.push(Case::new(scene, rays, chosen, tries_grid));
                 }
             }
         }
@@ -144,14 +145,16 @@ impl Decisions {
 }
 
 impl Case {
-    fn new(scene: &Measured, rays: f64, chosen: Kind) -> Self {
+    fn new(scene: &Measured, rays: f64, chosen: Kind, tries_grid: bool) -> Self {
         let total = |kind: Kind| scene.times(kind).total(rays);
         let kinds = scene.scene.times.keys().copied();
         let best = kinds.min_by(|a, b| total(*a).total_cmp(&total(*b)));
         let best = best.expect("some structures");
-        let in_vain = match chosen {
-            Kind::Grid => 0.0,
-            _ => scene.times(Kind::Grid).build_seconds,
+        let is_in_vain = tries_grid && chosen != Kind::Grid;
+        let in_vain = if is_in_vain {
+            scene.times(Kind::Grid).build_seconds
+        } else {
+            0.0
         };
         Self {
             scene: scene.scene.scene.clone(),
@@ -181,7 +184,14 @@ fn choose(
             } else {
                 elsewhere
             };
-            let costs = estimator.estimate(features, &grid);
+            let costs = if estimator.may_be_few(features.triangles, rays) {
+                let mut costs = estimator.estimate(features, &grid);
+                // It is there.
+                costs[0].1.build_seconds = 0.0;
+                costs
+            } else {
+                estimator.by_size(features.triangles)
+            };
             Choice::among(&costs, rays)
                 .expect("the grid at least")
                 .structure

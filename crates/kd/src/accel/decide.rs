@@ -27,7 +27,7 @@ pub enum Why {
     Asked,
     /// There are fewer rays than it takes to tell: whatever is there first.
     HardlyAnyRays,
-    /// There are so many more rays for each triangle than a grid was ever best for that none was built. Costs were estimated
+    /// There are more rays for each triangle than a grid is best for on most scenes, so that none was tried. Costs were estimated
     /// from the number of triangles alone.
     ManyRays,
     /// Its total is least, by what the grid took and by estimates for the others.
@@ -67,7 +67,7 @@ impl fmt::Display for Decision {
         let why = match self.why {
             Why::Asked => "it was asked for",
             Why::HardlyAnyRays => "there are fewer rays than it takes to tell",
-            Why::ManyRays => "there are many more rays than a grid is good for",
+            Why::ManyRays => "there are more rays than a grid is mostly good for",
             Why::LeastTotal => "its total is least, the grid being there",
         };
         write!(f, "{}: {why}", self.structure)?;
