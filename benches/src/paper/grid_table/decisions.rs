@@ -16,8 +16,10 @@ const AS_GOOD: f64 = 1.1;
 /// A way to decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rule {
-    /// The least total by estimates from what the grid tells, calibrated on this machine.
+    /// The least total by estimates from what the grid tells, which is always tried, calibrated on this machine.
     Widened,
+    /// As `Accel::auto` does it: the grid is tried only where it is mostly best, and once it is there it need not be built.
+    Thrifty,
     /// The same, calibrated on another machine: only ratios count.
     Foreign,
     /// The paper's eight steps.
@@ -28,8 +30,9 @@ enum Rule {
     Always(Kind),
 }
 
-const RULES: [Rule; 8] = [
+const RULES: [Rule; 9] = [
     Rule::Widened,
+    Rule::Thrifty,
     Rule::Foreign,
     Rule::Paper,
     Rule::Regular,
@@ -43,6 +46,7 @@ impl Rule {
     fn name(self) -> String {
         match self {
             Self::Widened => "chosen among all".into(),
+            Self::Thrifty => "as Accel does".into(),
             Self::Foreign => "as if on another machine".into(),
             Self::Paper => "the paper's rule".into(),
             Self::Regular => "grid if σ ≤ 2".into(),
@@ -103,7 +107,8 @@ impl Decisions {
                     * 10.0_f64.powf(f64::from(2 * budget) / f64::from(BUDGETS - 1) - 1.0);
                 for (cases, rule) in decisions.of_rules.iter_mut().zip(RULES) {
                     let chosen = choose(rule, scene, &others, &estimators, rays);
-                    let tries_grid = estimators[0].may_be_few(scene.triangles(), rays);
+                    let may_be_few = estimators[0].may_be_few(scene.triangles(), rays);
+                    let tries_grid = rule != Rule::Thrifty || may_be_few;
                     cases.push(Case::new(scene, rays, chosen, tries_grid));
                 }
             }
@@ -178,24 +183,14 @@ fn choose(
     let features = &scene.scene.features;
     let grid: Times = scene.sampled_grid();
     match rule {
-        Rule::Widened | Rule::Foreign => {
-            let estimator = if rule == Rule::Widened {
-                here
-            } else {
-                elsewhere
-            };
-            let costs = if estimator.may_be_few(features.triangles, rays) {
-                let mut costs = estimator.estimate(features, &grid);
-                // It is there.
-                costs[0].1.build_seconds = 0.0;
-                costs
-            } else {
-                estimator.by_size(features.triangles)
-            };
-            Choice::among(&costs, rays)
-                .expect("the grid at least")
-                .structure
+        Rule::Widened => least(&here.estimate(features, &grid), rays),
+        Rule::Foreign => least(&elsewhere.estimate(features, &grid), rays),
+        Rule::Thrifty if here.may_be_few(features.triangles, rays) => {
+            let mut costs = here.estimate(features, &grid);
+            costs[0].1.build_seconds = 0.0;
+            least(&costs, rays)
         }
+        Rule::Thrifty => least(&here.by_size(features.triangles), rays),
         Rule::Paper => {
             let calibration = others
                 .iter()
@@ -213,6 +208,11 @@ fn choose(
         Rule::Regular => KD,
         Rule::Always(kind) => kind,
     }
+}
+
+fn least(costs: &[(Kind, Times)], rays: f64) -> Kind {
+    let choice = Choice::among(costs, rays);
+    choice.expect("some structures").structure
 }
 
 /// How often each rule is as good as the best, and how much it loses, by kind of rays.
@@ -243,7 +243,7 @@ pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
             _ => Goal::None,
         };
         add("the best", goal, |case| case.over_best);
-        if rule == Rule::Widened {
+        if matches!(rule, Rule::Widened | Rule::Thrifty) {
             let what = "the best, a grid in vain included";
             add(what, Goal::None, |case| case.over_best_with_grid);
         }
