@@ -12,6 +12,10 @@ use crate::sampling::Random;
 /// The widened estimate is fitted for so many times fewer combinations: it takes longer, and less of them is enough.
 const FEWER: usize = 20;
 
+/// Where the kd-tree's rays are estimated to be hardly any faster than the grid's, R_C is beyond all bounds, and so would be a mean
+/// with it in. Estimates of more than so many times R_C are counted, and left out of means.
+const FAR_OFF: f64 = 10.0;
+
 /// Errors in per cent of R_C, for each number of scenes of a calibration from one on.
 #[derive(Clone, Debug)]
 pub(super) struct Estimates {
@@ -19,7 +23,7 @@ pub(super) struct Estimates {
     /// The paper's estimate: its mean error, and the mean of the sizes of its errors.
     paper: Vec<[f64; 2]>,
     widened: Vec<[f64; 2]>,
-    /// The part of estimates, in per cent, that say the kd-tree's rays are no faster, where they are.
+    /// The part of estimates, in per cent, that are beyond [`FAR_OFF`].
     missed: f64,
 }
 
@@ -34,7 +38,7 @@ struct Errors {
 
 impl Errors {
     fn add(&mut self, estimate: f64, truth: f64) {
-        if !estimate.is_finite() {
+        if estimate > FAR_OFF * truth {
             self.missed += 1.0;
             return;
         }
@@ -102,7 +106,7 @@ impl Estimates {
         };
         format!(
             "{} rays, R_C estimated from {} scenes for one more: off by {:.0} % (mean error {:+.0} %; the paper: {paper_says}), \
-             with the grid's statistics by {:.0} % ({:+.0} %); {:.1} % of estimates have no R_C",
+             with the grid's statistics by {:.0} % ({:+.0} %); {:.1} % of the former are more than ten times R_C, and not counted",
             name(scheme),
             self.paper.len(),
             paper[1],
