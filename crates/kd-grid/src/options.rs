@@ -37,6 +37,8 @@ impl GridOptions {
     /// Two cells for each triangle.
     pub const fn new() -> Self {
         Self {
+            // From 1 to 16, rays take about as long on a scan and in a room, within noise, and each doubling takes 1.2 to 1.4 times
+            // as long to build. (From a throw-away program, 2026-11-28.)
             density: 2.0,
             overlap: Overlap::Exact,
             max_cells: 1 << 28,

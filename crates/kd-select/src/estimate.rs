@@ -11,8 +11,8 @@ use crate::machine::Machine;
 use crate::paper::{Hierarchy, log2};
 use crate::times::{Opening, Structure, Times};
 
-/// How much a row of the fit must say to be heard: chosen by leaving out each scene of `cargo xtask paper grid-table` in turn,
-/// where anything from 0.3 to 3 is as good.
+/// What weights are held back by, in rows. (0.1 to 6 make no difference to decisions, from a throw-away program over the scenes of
+/// `cargo xtask paper grid-table`, 2026-11-28.)
 const PENALTY: f64 = 1.0;
 
 /// Estimates what each structure costs, from what a grid tells.
