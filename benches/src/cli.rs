@@ -166,7 +166,7 @@ mod tests {
     fn what_does_not_exist_is_refused_with_what_does() {
         for (flag, value, offered) in [
             ("--builder", "grown", "balanced"),
-            ("--structure", "grid", "kd"),
+            ("--structure", "ropes", "kd"),
             ("--layout", "narrow", "binary"),
             ("--rays", "primary-batch", "primary"),
         ] {

@@ -44,7 +44,12 @@ fn two_runs_agree_on_everything_exact() {
     let out = tempfile::tempdir().expect("a folder");
     let (first, printed) = sweep(out.path(), "first.jsonl", "1");
     let (second, _) = sweep(out.path(), "second.jsonl", "2");
-    assert_eq!(first.len(), 2 * 3 * 5, "scenes, builders, kinds of rays");
+    let expected = 2 * 4 * 5;
+    assert_eq!(
+        first.len(),
+        expected,
+        "scenes, builders and the median octree, kinds of rays"
+    );
     for (first, second) in first.iter().zip(&second) {
         assert_eq!(
             first["exact"], second["exact"],

@@ -31,7 +31,8 @@ pub enum BvhMethod {
     /// Clustering for Bounding Volume Hierarchy Construction*, 2018), in about O(N · radius) time.
     BottomUp {
         /// How far along the curve neighbours are looked for, in both directions. At least 1. With as many as there are
-        /// triangles, every two groups are compared: O(N²).
+        /// triangles, every two groups are compared, again and again where few find each other: O(N³) at worst. For some
+        /// thousands of triangles.
         radius: u16,
     },
 }

@@ -10,6 +10,7 @@
 //! reach, in chunks, first. In a cell, triangles are in the order of their numbers, whoever does what when.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use kd_core::Mesh;
 
@@ -89,8 +90,6 @@ struct Chunk {
     placed: Vec<Placed>,
     /// Where those of each slab begin, and at last where they end.
     offsets: Vec<u32>,
-    /// How many cells their ranges have.
-    cells: u64,
 }
 
 impl Chunk {
@@ -134,9 +133,8 @@ impl Build<'_> {
         let mut halvings = 0;
         loop {
             let slabs = Slabs::of(&lattice);
-            let chunks = self.place(&lattice, slabs);
             // One cell has a reference to each triangle, and the limit is no less.
-            if chunks.iter().map(|chunk| chunk.cells).sum::<u64>() <= limit {
+            if let Some(chunks) = self.place(&lattice, slabs, limit) {
                 return self.enter(lattice, slabs, &chunks, halvings);
             }
             lattice = lattice.halved();
@@ -144,25 +142,38 @@ impl Build<'_> {
         }
     }
 
-    /// Finds the cells of all triangles.
-    fn place(&self, lattice: &Lattice, slabs: Slabs) -> Vec<Chunk> {
+    /// Finds the cells of all triangles; `None` if there are more of them than `limit`, which is found out before memory is
+    /// taken for more.
+    fn place(&self, lattice: &Lattice, slabs: Slabs, limit: u64) -> Option<Vec<Chunk>> {
         let starts: Vec<usize> = (0..self.mesh.len()).step_by(CHUNK).collect();
-        tasks::map(starts, self.is_parallel, |start| {
+        // Whether the sum of all is beyond the limit does not depend on who adds first.
+        let cells = AtomicU64::new(0);
+        let chunks = tasks::map(starts, self.is_parallel, |start| {
             let end = self.mesh.len().min(start + CHUNK);
-            self.place_chunk(lattice, slabs, start, end)
-        })
+            self.place_chunk(lattice, slabs, start..end, |own| {
+                cells.fetch_add(own, Ordering::Relaxed) + own <= limit
+            })
+        });
+        chunks.into_iter().collect()
     }
 
     #[allow(
         clippy::cast_possible_truncation,
         reason = "a mesh has fewer than 2^30 triangles"
     )]
-    fn place_chunk(&self, lattice: &Lattice, slabs: Slabs, start: usize, end: usize) -> Chunk {
+    fn place_chunk(
+        &self,
+        lattice: &Lattice,
+        slabs: Slabs,
+        triangles: Range<usize>,
+        is_within_limit: impl FnOnce(u64) -> bool,
+    ) -> Option<Chunk> {
+        let first = triangles.start as u32;
         let mut cells = 0;
         // By one more than the slab: what is counted there becomes where the next one begins.
         let mut offsets = vec![0_u32; slabs.count + 2];
-        let mut covers: Vec<Cover> = bytemuck::zeroed_vec(end - start);
-        for (triangle, cover) in (start as u32..).zip(&mut covers) {
+        let mut covers: Vec<Cover> = bytemuck::zeroed_vec(triangles.len());
+        for (triangle, cover) in (first..).zip(&mut covers) {
             let range = lattice.range(self.mesh.corners(triangle));
             cells += range.count();
             *cover = self.cover(lattice, slabs, &range);
@@ -173,6 +184,9 @@ impl Build<'_> {
                 }
             }
         }
+        if !is_within_limit(cells) {
+            return None;
+        }
         for slab in 2..offsets.len() {
             offsets[slab] += offsets[slab - 1];
         }
@@ -182,7 +196,7 @@ impl Build<'_> {
             placed[*place as usize] = Placed { triangle, cover };
             *place += 1;
         };
-        for (triangle, cover) in (start as u32..).zip(covers) {
+        for (triangle, cover) in (first..).zip(covers) {
             put(slabs.of_cell(cover.first), triangle, cover);
             if !cover.is_small() {
                 let range = lattice.range(self.mesh.corners(triangle));
@@ -192,11 +206,7 @@ impl Build<'_> {
             }
         }
         offsets.truncate(slabs.count + 1);
-        Chunk {
-            placed,
-            offsets,
-            cells,
-        }
+        Some(Chunk { placed, offsets })
     }
 
     #[inline(always)]

@@ -198,7 +198,12 @@ impl Calibration {
         Ok(calibration)
     }
 
-    fn check(&self) -> Result<(), CalibrationError> {
+    /// Whether every scene has statistics and times that can be, and there is one.
+    ///
+    /// # Errors
+    ///
+    /// [`CalibrationError::Scene`] names the first one that has not; [`CalibrationError::Empty`].
+    pub fn check(&self) -> Result<(), CalibrationError> {
         if self.scenes.is_empty() {
             return Err(CalibrationError::Empty);
         }
@@ -229,6 +234,12 @@ impl Calibration {
             }
             if !times.contains_key(&Structure::Grid) {
                 return refuse("the grid was not measured".into());
+            }
+            if times
+                .get(&Structure::Lazy)
+                .is_some_and(|lazy| lazy.opening.is_none())
+            {
+                return refuse("what rays open of a lazy tree was not measured".into());
             }
             if let Some((structure, times)) = times.iter().find(|(_, times)| !times.are_sound()) {
                 return refuse(format!("times of {structure} that cannot be: {times:?}"));
@@ -313,8 +324,8 @@ mod tests {
                 .expect_err("refused")
                 .to_string()
         };
-        let negative = Times::new(-1.0, 1.0);
-        let rows: [(Change<'_>, &str); 9] = [
+        let (negative, unopened) = (Times::new(-1.0, 1.0), Times::new(1.0, 1.0));
+        let rows: [(Change<'_>, &str); 10] = [
             (
                 &|c| c.format = 7,
                 "its format is 7, and this version reads 1: calibrate again",
@@ -343,6 +354,10 @@ mod tests {
             (
                 &|c| c.scenes[0].times.retain(|of, _| *of != Structure::Grid),
                 "the grid was not measured",
+            ),
+            (
+                &|c| c.scenes[0].times.extend([(Structure::Lazy, unopened)]),
+                "scene `bunny`: what rays open",
             ),
             (
                 &|c| c.scenes[0].times.extend([(Structure::Best, negative)]),

@@ -11,7 +11,8 @@ pub struct Choice {
     pub structure: Structure,
     /// How many rays it is for.
     pub rays: f64,
-    /// What each costs, by its total: least first. Those of the grid are measured, others estimated.
+    /// What each costs, by its total: least first. Those of a grid that was tried are measured, others
+    /// estimated.
     pub costs: Vec<(Structure, Times)>,
 }
 

@@ -73,9 +73,13 @@ fn row(features: &Features, grid: &Times, is_same_machine: bool) -> Row {
 }
 
 impl Estimator {
-    /// By what a calibration has of rays of one scheme. Whether it is of this machine is found out.
+    /// By what a calibration has of rays of one scheme, or of all if it has none of these. Whether it is of this machine is found
+    /// out.
     pub fn of(calibration: &Calibration, scheme: RayScheme) -> Self {
         let is_same_machine = calibration.machine == Machine::here();
+        if calibration.of_scheme(scheme).next().is_none() {
+            return Self::fit(&calibration.scenes, is_same_machine);
+        }
         Self::fit(calibration.of_scheme(scheme), is_same_machine)
     }
 
@@ -175,7 +179,8 @@ fn usual_rays_each(scenes: &[&MeasuredScene]) -> f64 {
     each.get(each.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Up to how many rays for each triangle the grid was best, beside what is built before rays are asked.
+/// Up to how many rays for each triangle the grid was best, beside what is built before rays are asked; without end if it always
+/// is.
 fn rays_each(scene: &MeasuredScene) -> Option<f64> {
     let grid = scene.times_of(Structure::Grid)?;
     let built = scene
@@ -183,7 +188,7 @@ fn rays_each(scene: &MeasuredScene) -> Option<f64> {
         .iter()
         .filter(|(structure, times)| **structure != Structure::Grid && times.opening.is_none());
     let ends = built.filter_map(|(_, times)| crate::times::break_even(grid, times));
-    let end = ends.min_by(f64::total_cmp)?;
+    let end = ends.fold(f64::INFINITY, f64::min);
     Some(end / scene.features.triangles as f64)
 }
 

@@ -82,8 +82,8 @@ impl Hierarchy {
         })
     }
 
-    /// Step 6: the number of rays for which both take as long, once the grid is there; infinite where the grid's rays are no
-    /// slower. `grid_ray_seconds` is t_G.
+    /// Step 6: the number of rays for which both take as long, once the grid is there; infinite where the grid's rays are
+    /// faster by more than ε. `grid_ray_seconds` is t_G.
     pub fn critical_rays(&self, grid_ray_seconds: f64, epsilon: f64) -> f64 {
         let gain = grid_ray_seconds * (1.0 + epsilon) - self.ray_seconds;
         if gain > 0.0 {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use kd_core::{Hit, Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
 use kd_sah::BuildOptions;
-use kd_select::{Calibration, Estimator, Structure};
+use kd_select::{Calibration, CalibrationError, Estimator, Structure};
 use kd_trace::WideTree;
 use thiserror::Error;
 
@@ -21,9 +21,9 @@ pub use decide::{Decision, Why};
 /// A mesh with whichever structure answers so many rays soonest, building included.
 ///
 /// A grid is there at once and slow for each ray; a kd-tree takes long to build and is fast. Which one pays is a matter of how
-/// many rays there will be (Hapala, Karlík and Havran 2011), and of the mesh. [`auto`](Self::auto) builds a grid, tries it on a
-/// few rays, estimates what others would take, and keeps it or builds another: a grid, wide nodes of objects, a kd-tree of one
-/// of the presets, or one that is built where rays go. [`decision`](Self::decision) tells what, and why.
+/// many rays there will be (Hapala, Karlík and Havran 2011), and of the mesh. Unless there are many rays for each triangle,
+/// [`auto`](Self::auto) builds a grid, tries it on a few rays, estimates what others would take, and keeps it or builds another:
+/// wide nodes of objects, a kd-tree of one of the presets, or one that is built where rays go. [`decision`](Self::decision) tells what, and why.
 ///
 /// Every query gives what testing all triangles in turn would give, to the bit, whatever was chosen. Which one that is depends
 /// on times that are taken, and so may differ from run to run: where that must not be, [`with`](Self::with) takes the one that
@@ -71,13 +71,18 @@ pub enum AccelError {
     /// A grid could not be built.
     #[error(transparent)]
     Grid(#[from] kd_grid::BuildError),
+    /// A calibration holds what cannot be.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
 }
 
 impl Accel {
     /// The structure that answers so many rays soonest, by the [calibration](Calibration::built_in) that comes with the
-    /// library: measured on another machine, of which ratios are used, not times.
+    /// library: measured on another machine, of which ratios to the grid's times are used; and times, as far as they tell other
+    /// structures apart, where no grid is tried.
     ///
-    /// Builds on all cores, and takes what the grid takes longer than what it chooses: some per cent.
+    /// Builds what it chooses on all cores. A grid that is tried and not kept takes up to twice the time of building it on one
+    /// thread, the sample included, beside what is chosen; none is tried where there are many rays for each triangle.
     ///
     /// # Errors
     ///
@@ -92,12 +97,13 @@ impl Accel {
     ///
     /// # Errors
     ///
-    /// As [`auto`](Self::auto).
+    /// As [`auto`](Self::auto), and [`AccelError::Calibration`] if it holds what cannot be.
     pub fn auto_by(
         mesh: impl Into<Arc<Mesh>>,
         budget: RayBudget,
         calibration: &Calibration,
     ) -> Result<Self, AccelError> {
+        calibration.check()?;
         let estimator = Estimator::of(calibration, budget.scheme());
         decide::choose(mesh.into(), &budget, &estimator)
     }

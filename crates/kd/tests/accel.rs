@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use kd::select::{Calibration, CalibrationError, RayScheme, Structure};
+use kd::select::{Calibration, CalibrationError, RayScheme, Structure, Times};
 use kd::{Accel, Hit, Mesh, Ray, RayBudget, Why};
 use kd_oracle::rays::Rays;
 use kd_oracle::{Answers, check, scenes};
@@ -124,6 +124,33 @@ fn meshes_of_nothing_and_of_one_triangle_are_decided() {
             assert_eq!(accel.intersect(&ray), expected, "{accel}");
         }
     }
+}
+
+/// With a grid tried, and something better there.
+#[test]
+fn a_grid_that_was_tried_is_left_for_what_is_better() {
+    let mut calibration = Calibration::built_in();
+    calibration.machine = kd::select::Machine::here();
+    for (number, scene) in calibration.scenes.iter_mut().enumerate() {
+        // Nothing but a grid in most scenes, so that one is tried for any number of rays; in the others the best preset takes no
+        // time at all.
+        let grid = scene.times[&Structure::Grid];
+        let best = Times::new(1e-3 * grid.build_seconds, 1e-3 * grid.ray_seconds);
+        scene
+            .times
+            .retain(|structure, _| *structure == Structure::Grid);
+        if number % 3 == 0 {
+            scene.times.insert(Structure::Best, best);
+        }
+    }
+    let mesh = Spd::Tetra.generate(5).expect("small").mesh;
+    let accel = Accel::auto_by(mesh, RayBudget::rays(1_000_000), &calibration).expect("built");
+    let decision = accel.decision();
+    assert_eq!(
+        (decision.why(), decision.structure()),
+        (Why::LeastTotal, Structure::Best),
+        "{accel}"
+    );
 }
 
 /// A calibration of this machine is one like the built-in one, with this machine's name.

@@ -258,3 +258,42 @@ pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
         rows,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::measure::lawful_scenes;
+    use super::*;
+
+    #[test]
+    fn scenes_that_follow_the_laws_are_decided_right() {
+        let schemes = [RayScheme::Random, RayScheme::Path];
+        let decisions = schemes.map(|scheme| Decisions::of(&lawful_scenes(scheme), scheme));
+        let table = table(&decisions);
+        let value = |name: &str| table.row(name).of_all();
+        assert!(
+            value("chosen among all, over the best: within 10 %, %") > 95.0,
+            "{table}"
+        );
+        // Between the break-even with the grid paid for and that of totals it loses a little.
+        let paper = value("the paper's rule, over the better of two: worst");
+        assert!(paper < 1.1, "{table}");
+        assert!(
+            value("always balanced, over the best: worst") > 3.0,
+            "{table}"
+        );
+        assert!(
+            value("always grid, over the best: within 10 %, %") < 60.0,
+            "{table}"
+        );
+        let in_vain = value("chosen among all, over the best, a grid in vain included: mean");
+        assert!(
+            in_vain > value("chosen among all, over the best: mean"),
+            "{table}"
+        );
+        let worst = decisions[0].worst(RayScheme::Random);
+        assert!(
+            worst.starts_with("random rays: worst ") && worst.contains("lazy"),
+            "{worst}"
+        );
+    }
+}

@@ -49,7 +49,8 @@ impl Errors {
     }
 
     fn means(&self) -> [f64; 2] {
-        [self.signed / self.count, self.sizes / self.count]
+        let count = self.count.max(1.0);
+        [self.signed / count, self.sizes / count]
     }
 }
 
@@ -106,7 +107,7 @@ impl Estimates {
         };
         format!(
             "{} rays, R_C estimated from {} scenes for one more: off by {:.0} % (mean error {:+.0} %; the paper: {paper_says}), \
-             with the grid's statistics by {:.0} % ({:+.0} %); {:.1} % of the former are more than ten times R_C, and not counted",
+             with the grid's statistics by {:.0} % ({:+.0} %); {:.1} % of all of the former are more than ten times R_C, and not counted",
             name(scheme),
             self.paper.len(),
             paper[1],
@@ -174,4 +175,41 @@ pub(super) fn to_svg(estimates: &[Estimates; 2]) -> anyhow::Result<String> {
         lines,
     };
     plot.to_svg()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::measure::lawful_scenes;
+    use super::*;
+
+    #[test]
+    fn scenes_that_follow_the_laws_are_estimated_right() {
+        let scenes = lawful_scenes(RayScheme::Path);
+        let estimates = Estimates::of(&scenes, RayScheme::Path, 40);
+        assert_eq!(estimates.paper.len(), scenes.len() - 1, "from one scene on");
+        for [signed, size] in &estimates.paper {
+            assert!(signed.abs() < 1e-6 && *size < 1e-6, "{estimates:?}");
+        }
+        let svg = to_svg(&[estimates.clone(), estimates]).expect("drawn");
+        assert!(
+            svg.contains("path-traced, widened"),
+            "the names of its lines"
+        );
+        let none = Estimates::of(&[], RayScheme::Random, 40).summary(RayScheme::Random);
+        assert!(none.contains("too few scenes"), "{none}");
+    }
+
+    #[test]
+    fn errors_have_a_sign_and_a_size() {
+        let mut errors = Errors::default();
+        for estimate in [150.0, 50.0, 110.0, f64::INFINITY, 1001.0] {
+            errors.add(estimate, 100.0);
+        }
+        let [signed, size] = errors.means();
+        assert!(
+            (signed - 10.0 / 3.0).abs() < 1e-9 && (size - 110.0 / 3.0).abs() < 1e-9,
+            "{errors:?}"
+        );
+        assert_eq!(errors.missed, 2.0, "beyond all bounds");
+    }
 }

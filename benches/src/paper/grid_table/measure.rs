@@ -268,3 +268,42 @@ impl Structure for Lazy {
         None
     }
 }
+
+/// Scenes that follow the paper's two laws, each in two levels of detail, with rays that take several times as long in a grid.
+#[cfg(test)]
+pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
+    let scene = |number: u32| {
+        let triangles = 1000_u64 << (number % 7);
+        let levels = (triangles as f64).log2();
+        let grid = Times::new(
+            5e-8 * triangles as f64,
+            1e-7 * levels * f64::from(3 + number % 3),
+        );
+        let tree =
+            |build: f64, ray: f64| Times::new(build * triangles as f64 * levels, ray * levels);
+        Measured {
+            family: format!("{}", number / 2),
+            sample_ray_seconds: grid.ray_seconds,
+            scene: MeasuredScene {
+                scene: format!("{}-{}", number / 2, number % 2),
+                rays: scheme,
+                features: Features {
+                    triangles,
+                    refs_per_triangle: 2.0 + 0.1 * f64::from(number % 5),
+                    sigma: 5.0,
+                    sparseness: 0.9,
+                    hit_share: 0.5,
+                },
+                times: BTreeMap::from([
+                    (Kind::Grid, grid),
+                    (Kind::Bvh, tree(3e-8, 1.2e-7)),
+                    (Kind::Fast, tree(6e-8, 1.1e-7)),
+                    (Kind::Balanced, tree(8e-8, 1e-7)),
+                    (Kind::Best, tree(1.2e-7, 9.9e-8)),
+                    (Kind::Lazy, tree(1e-7, 1e-6)),
+                ]),
+            },
+        }
+    };
+    (0..24).map(scene).collect()
+}

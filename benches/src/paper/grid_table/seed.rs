@@ -234,3 +234,37 @@ pub(super) const TABLE: [SeedRow; 28] = [
         (2.7, 4.1, None),
     ),
 ];
+
+#[cfg(test)]
+mod tests {
+    use kd_select::{Times, break_even};
+
+    use super::*;
+
+    /// For random rays R_C is the total break-even, as far as the other columns have digits. (The teapot's grid was hardly built
+    /// in 32 ms, where its like took 3.)
+    #[test]
+    fn the_table_agrees_with_itself() {
+        for row in TABLE.iter().filter(|row| row.scene != "teapot") {
+            let rays = row.rays(RayScheme::Random);
+            let grid = Times::new(row.build_grid_ms * 1e-3, rays.grid_us * 1e-6);
+            let kd = Times::new(row.build_kd_ms * 1e-3, rays.kd_us * 1e-6);
+            let computed = break_even(&grid, &kd);
+            assert_eq!(computed.is_some(), rays.critical.is_some(), "{row:?}");
+            if let Some((computed, printed)) = computed.zip(rays.critical) {
+                assert!(
+                    (computed / printed - 1.0).abs() < 0.15,
+                    "{computed}: {row:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn scenes_that_are_the_same_thing_have_a_row() {
+        let found = |scene: &str| SeedRow::of(scene).map(|row| row.scene);
+        assert_eq!(found("bunny"), Some("bunny"), "the same mesh");
+        assert_eq!(found("teapot-12"), Some("teapot"), "another tessellation");
+        assert_eq!(found("teapot_in_stadium"), None, "another scene");
+    }
+}

@@ -105,7 +105,9 @@ pub(super) fn choose(
             return Accel::decided(mesh, None, Why::ManyRays, choice);
         }
     }
-    let (grid, build_seconds) = timed(|| UniformGrid::build(&mesh, &GridOptions::new()));
+    // On one thread, as what estimates rest on was measured: how much several gain is taken to be alike for all.
+    let options = GridOptions::new().with_threads(1);
+    let (grid, build_seconds) = timed(|| UniformGrid::build(&mesh, &options));
     let grid = grid?;
     if budget.count() <= HARDLY_ANY || mesh.is_empty() {
         return Ok(Accel {
@@ -119,7 +121,10 @@ pub(super) fn choose(
         });
     }
     let sample = budget.sample(&mesh.bounds());
-    let tried = try_grid(&grid, &mesh, &sample);
+    // No longer than the grid took to build, and not with more rays than an eighth of those to come: it is to save time.
+    let most = usize::try_from(budget.count() / 8).unwrap_or(usize::MAX);
+    let sample = &sample[..sample.len().min(most)];
+    let tried = try_grid(&grid, &mesh, sample, build_seconds.unwrap_or(f64::INFINITY));
     let features = Features::new(&grid.stats(), tried.hit_share);
     let measured = build_seconds.zip(tried.ray_seconds);
     let times = measured.map_or_else(
@@ -171,20 +176,36 @@ struct Tried {
     hit_share: f64,
 }
 
-/// Step 2. The first quarter of the rays warms up.
-fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray]) -> Tried {
-    let hits = |rays: &[Ray]| {
-        let hits = rays
-            .iter()
-            .filter(|ray| grid.intersect(mesh, ray).is_some());
-        hits.count()
-    };
-    let (first, rest) = sample.split_at(sample.len() / 4);
-    let hit_first = hits(first);
-    let (hit_rest, seconds) = timed(|| hits(rest));
+/// Step 2, run by run of the sample, until so many seconds are spent. The first run warms up, if there are others.
+fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray], seconds: f64) -> Tried {
+    const RUN: usize = 32;
+    let (mut hits, mut traced, mut spent) = (0, 0, 0.0);
+    let mut ray_seconds = None;
+    let mut warm = (0, 0.0);
+    for run in sample.chunks(RUN) {
+        let (hit, taken) = timed(|| {
+            let hits = run.iter().filter(|ray| grid.intersect(mesh, ray).is_some());
+            hits.count()
+        });
+        let is_first = traced == 0;
+        hits += hit;
+        traced += run.len();
+        if let Some(taken) = taken {
+            spent += taken;
+            if is_first {
+                ray_seconds = Some(taken / run.len() as f64);
+            } else {
+                warm = (warm.0 + run.len(), warm.1 + taken);
+                ray_seconds = Some(warm.1 / warm.0 as f64);
+            }
+        }
+        if spent > seconds {
+            break;
+        }
+    }
     Tried {
-        ray_seconds: seconds.map(|seconds| (seconds / rest.len() as f64).max(1e-12)),
-        hit_share: (hit_first + hit_rest) as f64 / sample.len() as f64,
+        ray_seconds,
+        hit_share: hits as f64 / traced.max(1) as f64,
     }
 }
 
