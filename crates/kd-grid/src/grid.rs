@@ -25,8 +25,8 @@ pub struct UniformGrid {
 impl UniformGrid {
     /// Builds a grid over a mesh.
     ///
-    /// Time is linear in the triangles, the cells and the references. While it is built, 16 bytes more are taken for each
-    /// triangle and slab of cells that it reaches into.
+    /// Time is linear in the triangles, the cells and the references. While it is built, a
+    /// reference takes 4 bytes more.
     ///
     /// # Errors
     ///

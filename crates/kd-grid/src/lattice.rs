@@ -25,8 +25,6 @@ pub(crate) struct Lattice {
     pub(crate) resolution: [u32; 3],
     /// How far cells that are neighbours along an axis are apart in number.
     pub(crate) strides: [u32; 3],
-    /// The axis of the most cells.
-    pub(crate) outer: usize,
     /// Cells per unit; 0 along an axis that is not divided.
     pub(crate) per_unit: [f64; 3],
     /// [`PAD`] in cells.
@@ -98,7 +96,6 @@ impl Lattice {
             bounds,
             resolution,
             strides,
-            outer: axes[2],
             per_unit,
             pad,
             scaled: Scaled::new(bounds, resolution, longest),
@@ -125,20 +122,6 @@ impl Lattice {
             first: self.scaled.places(a.min(b).min(c), -self.scaled.pad),
             last: self.scaled.places(a.max(b).max(c), self.scaled.pad),
         }
-    }
-
-    /// The part of a range that is in the layers which have cells numbered from `start` to before `end`.
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "cells are counted with 32 bits"
-    )]
-    pub(crate) fn within(&self, range: &CellRange, start: usize, end: usize) -> CellRange {
-        let axis = self.outer;
-        let per_layer = self.strides[axis] as usize;
-        let mut within = *range;
-        within.first[axis] = within.first[axis].max((start / per_layer) as u32);
-        within.last[axis] = within.last[axis].min(((end - 1) / per_layer) as u32);
-        within
     }
 
     /// A point in cells from the lowest corner.
@@ -293,11 +276,7 @@ mod tests {
     #[test]
     fn every_cell_has_its_number() {
         let lattice = Lattice::with_resolution(bounds([1.0, 2.0, 3.0]), [2, 5, 3]);
-        assert_eq!(
-            (lattice.outer, lattice.strides),
-            (1, [1, 6, 2]),
-            "the most outside"
-        );
+        assert_eq!(lattice.strides, [1, 6, 2], "the most outside");
         let mut numbers: Vec<usize> = (0..30)
             .map(|i| lattice.number([i % 2, i / 2 % 5, i / 10]))
             .collect();

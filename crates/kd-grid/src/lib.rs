@@ -34,11 +34,13 @@
 #![deny(unsafe_code)]
 
 mod build;
+mod entries;
 mod grid;
 mod lattice;
 mod mailbox;
 mod options;
 mod overlap;
+mod small_boxes;
 mod stats;
 mod tasks;
 mod walk;

@@ -73,8 +73,8 @@ impl GridOptions {
     /// The most references, from one per triangle to 2³² − 1: a triangle has one in each cell that its box meets. A grid
     /// that would have more is made of cells twice as long, until it has not, so that time and memory are bounded whatever
     /// the triangles; [`GridStats::halvings`](crate::GridStats::halvings) tells. Without it, 32 per triangle and 65 536
-    /// besides. A reference takes 4 bytes, and up to 28
-    /// while the grid is built.
+    /// besides. A reference takes 4 bytes, 8 while the
+    /// grid is built, and those of a thousand triangles at a time up to 24.
     #[must_use]
     pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
         self.max_refs = Some(max_refs);
