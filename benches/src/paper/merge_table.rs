@@ -7,7 +7,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, ensure};
-use kd::{BuildOptions, KdTree, LazyTree, MergeMethod, Mesh, PartId, Scene, Strategy};
+use kd::grid::{GridOptions, UniformGrid};
+use kd::select::Structure;
+use kd::{Accel, BuildOptions, KdTree, LazyTree, MergeMethod, Mesh, PartId, Scene, Strategy};
 use kd_trace::WideTree;
 use serde_json::{Value, json};
 
@@ -86,6 +88,17 @@ struct FrameFigures {
     embree: Vec<EmbreeFigures>,
     /// Building a tree where rays go and tracing them, over building all of it by `best` and tracing.
     lazy: f64,
+    grid: GridFigures,
+}
+
+/// Of a uniform grid over everything, built anew.
+#[derive(Clone, Copy, Debug)]
+struct GridFigures {
+    build_ms: f64,
+    /// Over an update of our own choice.
+    updates: f64,
+    /// Rays, over the tree of everything, by `best`.
+    trace: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -291,6 +304,7 @@ impl<'a> Bench<'a> {
             frame: self.frame,
             dynamic_ms: self.dynamic_part()? * ways[MERGE].update_ms,
             lazy: self.lazy()?,
+            grid: self.grid(&expected, label, problems)?,
             rebuild_ms,
             rebuild_trace_ms: median(&rebuild_trace_ms),
             rebuild_batch_ms: median(&rebuild_batch_ms),
@@ -345,6 +359,36 @@ impl<'a> Bench<'a> {
             },
         )?;
         Ok(median_ratio(&pairs.own, &pairs.baseline))
+    }
+
+    /// A grid over everything, which is there sooner than any tree.
+    fn grid(
+        &mut self,
+        expected: &[Answers],
+        label: &str,
+        problems: &mut Vec<String>,
+    ) -> anyhow::Result<GridFigures> {
+        let whole = Arc::clone(&self.whole);
+        let options = GridOptions::new().with_threads(1);
+        let build = || {
+            let start = Instant::now();
+            let grid = UniformGrid::build(&whole, &options)?;
+            let seconds = start.elapsed().as_secs_f64();
+            drop(grid);
+            Ok(seconds)
+        };
+        let builds = measure::timed_in_pairs(self.repeats, || self.update(AUTO), build)?;
+        let accel = Accel::with(Arc::clone(&whole), Structure::Grid)?;
+        let traced = Traced::Accel(&accel);
+        if traced.answers(&self.rays) != expected {
+            problems.push(format!("{label}, grid: other hits than by building anew"));
+        }
+        let traces = self.trace_pairs(&traced, false);
+        Ok(GridFigures {
+            build_ms: 1e3 * median(&builds.own),
+            updates: median_ratio(&builds.own, &builds.baseline),
+            trace: median_ratio(&traces.own, &traces.baseline),
+        })
     }
 
     fn still_copy_ms(&self) -> anyhow::Result<f64> {
@@ -584,6 +628,12 @@ fn ratios(figures: &[FrameFigures]) -> Table {
         Goal::None,
         &|f| Some(f.lazy),
     );
+    row("grid: build / `Auto`'s update".into(), Goal::None, &|f| {
+        Some(f.grid.updates)
+    });
+    row("grid: time of rays / `best`".into(), Goal::None, &|f| {
+        Some(f.grid.trace)
+    });
     row("`best`: trace, ms".into(), Goal::None, &|f| {
         Some(f.rebuild_trace_ms)
     });
@@ -633,6 +683,8 @@ fn to_lines(
                 "rebuild_balanced_ms": figures.rebuild_ms[1],
                 "rebuild_fast_ms": figures.rebuild_ms[2],
                 "rebuild_trace_ms": figures.rebuild_trace_ms,
+                "grid_build_ms": figures.grid.build_ms,
+                "grid_trace_over_best": figures.grid.trace,
             });
             let fields = ours.as_object_mut().context("an object")?;
             for (name, embree) in EMBREE_NAMES.iter().zip(&figures.embree) {

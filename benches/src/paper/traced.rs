@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use kd::{FrameData, Hit, KdTree, LazyTree, PartId, Ray};
+use kd::{Accel, FrameData, Hit, KdTree, LazyTree, PartId, Ray};
 
 use super::mirrors::{Batch, Mirrors};
 #[cfg(feature = "peers")]
@@ -13,6 +13,7 @@ use crate::peers;
 pub(super) enum Traced<'a> {
     Tree(&'a KdTree),
     Lazy(&'a LazyTree),
+    Accel(&'a Accel),
     Frame(&'a FrameData),
     #[cfg(feature = "peers")]
     Embree(&'a peers::EmbreeMoving),
@@ -72,7 +73,7 @@ impl Traced<'_> {
     /// together, from the camera and to the light.
     fn most_batches(&self) -> usize {
         match self {
-            Self::Tree(_) | Self::Lazy(_) | Self::Frame(_) => usize::MAX,
+            Self::Tree(_) | Self::Lazy(_) | Self::Accel(_) | Self::Frame(_) => usize::MAX,
             #[cfg(feature = "peers")]
             Self::Embree(_) => 2,
         }
@@ -97,6 +98,11 @@ impl Traced<'_> {
                     *hit = tree.intersect(ray);
                 }
             }
+            Self::Accel(accel) => {
+                for (ray, hit) in rays.iter().zip(hits) {
+                    *hit = accel.intersect(ray);
+                }
+            }
             Self::Frame(frame) if in_batches => frame.intersect_batch(rays, parts),
             Self::Frame(frame) => {
                 for (ray, hit) in rays.iter().zip(parts) {
@@ -119,6 +125,11 @@ impl Traced<'_> {
             Self::Lazy(tree) => {
                 for (ray, flag) in rays.iter().zip(flags) {
                     *flag = tree.occluded(ray);
+                }
+            }
+            Self::Accel(accel) => {
+                for (ray, flag) in rays.iter().zip(flags) {
+                    *flag = accel.occluded(ray);
                 }
             }
             Self::Frame(frame) if in_batches => frame.occluded_batch(rays, flags),

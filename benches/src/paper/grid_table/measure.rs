@@ -30,8 +30,8 @@ pub(super) struct Settings {
 pub(super) struct Measured {
     pub(super) family: String,
     pub(super) scene: MeasuredScene,
-    /// What a ray took in the grid by the sample that a decision is made from, in seconds.
-    pub(super) sample_ray_seconds: f64,
+    /// What the decision knows of the grid: how long it took to build, and what a ray of the sample took, each once.
+    pub(super) sampled_grid: Times,
 }
 
 /// Rays of a sample: the paper takes 100 to 1000.
@@ -102,12 +102,12 @@ impl Measured {
         times.expect("every structure is measured on every scene")
     }
 
-    /// What the decision knows of the grid: how long it took to build, and what a ray of the sample took.
-    pub(super) fn sampled_grid(&self) -> Times {
-        Times::new(
-            self.times(Kind::Grid).build_seconds,
-            self.sample_ray_seconds,
-        )
+    /// What trying the grid takes, before so many rays are asked: no more of them than an eighth of those, and no longer than it
+    /// took to build, as `Accel` does it.
+    pub(super) fn sample_seconds(&self, rays: f64) -> f64 {
+        let sample = (SAMPLE as f64).min(rays / 8.0);
+        let grid = self.times(Kind::Grid);
+        (sample * self.sampled_grid.ray_seconds).min(grid.build_seconds)
     }
 }
 
@@ -137,7 +137,8 @@ pub(super) fn measure(
     let stats = UniformGrid::build(mesh, &GridOptions::new())?.stats();
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
-    let mut samples = [Vec::new(), Vec::new()];
+    // Those of the last run.
+    let mut sampled_grids = [Times::new(0.0, 0.0); 2];
     let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
     for repeat in 0..settings.repeats {
@@ -153,7 +154,8 @@ pub(super) fn measure(
                     let (first, rest) = rays.spread(SAMPLE).quarter();
                     seconds_of(structure, &first, &mut Answered::default());
                     let seconds = seconds_of(structure, &rest, &mut Answered::default());
-                    samples[number].push(seconds / rest.len() as f64);
+                    let ray_seconds = seconds / rest.len() as f64;
+                    sampled_grids[number] = Times::new(built.seconds, ray_seconds);
                 }
                 let seconds = seconds_of(structure, rays, &mut answers[number]);
                 of_kind.rays[number].push(seconds);
@@ -182,7 +184,7 @@ pub(super) fn measure(
         times.insert(Kind::Lazy, middle(&lazy[number]));
         Measured {
             family: loaded.family.clone(),
-            sample_ray_seconds: median(&samples[number]),
+            sampled_grid: sampled_grids[number],
             scene: MeasuredScene {
                 scene: loaded.name.clone(),
                 rays: scheme,
@@ -283,7 +285,7 @@ pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
             |build: f64, ray: f64| Times::new(build * triangles as f64 * levels, ray * levels);
         Measured {
             family: format!("{}", number / 2),
-            sample_ray_seconds: grid.ray_seconds,
+            sampled_grid: grid,
             scene: MeasuredScene {
                 scene: format!("{}-{}", number / 2, number % 2),
                 rays: scheme,
