@@ -6,6 +6,7 @@ use serde_json::Value;
 /// Dev-dependencies are free: tests may look at anything.
 const EDGES: &[(&str, &[&str])] = &[
     ("kd-core", &[]),
+    ("kd-tasks", &[]),
     ("kd-sah", &["kd-core"]),
     ("kd-merge", &["kd-core", "kd-sah"]),
     ("kd-trace", &["kd-core"]),
