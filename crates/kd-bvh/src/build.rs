@@ -9,7 +9,6 @@ use kd_core::{CostModel, MAX_DEPTH};
 
 use crate::item::{Around, Bounds, Item, apart};
 use crate::node::BvhNode;
-use crate::tasks;
 
 pub(crate) use binned::Binned;
 pub(crate) use equal_counts::EqualCounts;
@@ -118,9 +117,9 @@ impl<D: Divide> Driver<'_, D> {
         let second;
         if self.is_parallel && lower.len().min(upper.len()) >= TASK {
             let mut other = Output::default();
-            tasks::join(
+            kd_tasks::join(
                 || self.add(lower, &parts[0], first, depth, to),
-                || self.add(upper, &parts[1], at, depth, &mut other),
+                |_| self.add(upper, &parts[1], at, depth, &mut other),
             );
             second = index(&to.nodes);
             to.nodes

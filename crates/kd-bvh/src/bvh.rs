@@ -7,7 +7,7 @@ use crate::build::{Binned, Divide, Driver, EqualCounts, Midpoint, Output, Sweep}
 use crate::item::{Around, Item};
 use crate::node::BvhNode;
 use crate::options::{BuildError, BvhMethod, BvhOptions};
-use crate::{bottom_up, stats, tasks};
+use crate::{bottom_up, stats};
 
 /// A binary bounding volume hierarchy over the triangles of a mesh.
 ///
@@ -39,8 +39,8 @@ impl Bvh {
     pub fn build(mesh: &Mesh, options: &BvhOptions) -> Result<Self, BuildError> {
         options.check()?;
         let is_parallel = options.threads != 1;
-        let (nodes, triangles) = tasks::with_threads(options.threads, || {
-            let items = tasks::collect(mesh.count(), is_parallel, |triangle| {
+        let (nodes, triangles) = kd_tasks::with_threads(options.threads, || {
+            let items = kd_tasks::collect(mesh.count(), is_parallel, |triangle| {
                 Item::of(mesh, triangle)
             });
             nodes_over(items, options, is_parallel)

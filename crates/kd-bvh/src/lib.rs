@@ -63,12 +63,12 @@ mod packet;
 mod query;
 mod refit;
 mod stats;
-mod tasks;
 mod walk;
 mod wide;
 
 pub use bvh::Bvh;
 pub use counts::BvhCounts;
+pub use kd_tasks::ThreadsError;
 pub use node::{BvhNode, BvhNodeView};
 pub use options::{BuildError, BvhMethod, BvhOptions};
 pub use refit::RefitError;

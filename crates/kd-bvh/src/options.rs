@@ -1,6 +1,7 @@
 //! What a user can ask of a build.
 
 use kd_core::CostModel;
+use kd_tasks::ThreadsError;
 use thiserror::Error;
 
 /// The most bins along an axis.
@@ -149,13 +150,8 @@ pub enum BuildError {
         rule: &'static str,
     },
     /// The threads asked for could not be started.
-    #[error("cannot start {threads} threads: {reason}")]
-    Threads {
-        /// How many were asked for.
-        threads: usize,
-        /// What the system said.
-        reason: String,
-    },
+    #[error(transparent)]
+    Threads(#[from] ThreadsError),
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::bvh::Bvh;
 use crate::item::{Bounds, Item};
 use crate::node::{BvhNode, BvhNodeView};
-use crate::{stats, tasks};
+use crate::stats;
 
 /// Subtrees of so many nodes are worth a task: some tens of microseconds.
 const TASK: usize = 1 << 12;
@@ -92,9 +92,9 @@ impl Fit<'_> {
         {
             let second = second as usize;
             let (lower, upper) = below.split_at_mut(second - start - 1);
-            tasks::join(
+            kd_tasks::join(
                 || self.subtree(lower, start + 1),
-                || self.subtree(upper, second),
+                |_| self.subtree(upper, second),
             );
             root.set_bounds(&lower[0].bounds().union(&upper[0].bounds()));
             return;

@@ -3,7 +3,7 @@
 use kd_core::{Arena, Axis, Node, NodeIndex, NodeView, Pair, Slot, TreeError};
 use kd_sah::BuildError;
 
-use crate::{Census, Merged, tasks};
+use crate::{Census, Merged};
 
 /// New nodes and references. Nothing of the arena is changed until they are [written](Fresh::write).
 #[derive(Debug)]
@@ -254,7 +254,7 @@ impl<'a> Draft<'a> {
             return Ok([a(self)?, b(self)?]);
         }
         let base = &*self;
-        let (a, b) = tasks::join(|| base.with_fork(a), || base.with_fork(b));
+        let (a, b) = kd_tasks::join(|| base.with_fork(a), |_| base.with_fork(b));
         Ok([self.absorb(a?), self.absorb(b?)])
     }
 

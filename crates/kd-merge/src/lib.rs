@@ -55,7 +55,6 @@ mod options;
 mod partition;
 mod partition_trees;
 mod resplit;
-mod tasks;
 
 pub use census::Census;
 pub use estimate::{Sides, estimate};

@@ -8,7 +8,7 @@ use crate::clusters::clusters;
 use crate::draft::{Draft, Subtree, View};
 use crate::partition::{Slots, cut};
 use crate::partition_trees::{Item, TreePartition};
-use crate::{Census, MergeOptions, insert as inserting, tasks};
+use crate::{Census, MergeOptions, insert as inserting};
 
 /// A tree that was put together: fresh in its arena, until that is frozen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +100,7 @@ pub fn insert(
     check_frozen(arena, tree)?;
     let mut draft = Draft::new(arena);
     let tree = Subtree::Linked(tree);
-    let root = tasks::in_pool(options.is_parallel, || {
+    let root = kd_tasks::in_pool(options.is_parallel, || {
         inserting::insert(&mut draft, source, options, tree, slots, &bounds, MAX_DEPTH)
     })?;
     let (fresh, counts) = draft.finish();
@@ -130,7 +130,7 @@ pub fn bsp_merge(
     let merger = BspMerger { source, options };
     let mut draft = Draft::new(arena);
     let [a, b] = trees.map(Subtree::Linked);
-    let root = tasks::in_pool(options.is_parallel, || {
+    let root = kd_tasks::in_pool(options.is_parallel, || {
         merger.merge(&mut draft, a, b, &bounds, MAX_DEPTH)
     })?;
     let (fresh, counts) = draft.finish();
@@ -174,7 +174,7 @@ pub fn partition_trees(
         options,
     };
     let items = items.collect();
-    let root = tasks::in_pool(options.is_parallel, || {
+    let root = kd_tasks::in_pool(options.is_parallel, || {
         partition.partition(items, &bounds, false, MAX_DEPTH)
     })?;
     let (fresh, counts) = draft.finish();
@@ -228,7 +228,8 @@ pub fn build_clusters(
     options: &MergeOptions,
 ) -> Result<Vec<Placed>, MergeError> {
     let clusters = clusters(slots, source, most);
-    let trees = tasks::map(&clusters, options.is_parallel, |cluster| {
+    let items: Vec<_> = clusters.iter().collect();
+    let trees = kd_tasks::map(items, options.is_parallel, |cluster| {
         options.build(source, &cluster.slots, &cluster.bounds, MAX_DEPTH)
     });
     let placed = clusters.iter().zip(trees).map(|(cluster, tree)| {

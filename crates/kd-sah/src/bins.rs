@@ -5,10 +5,10 @@ use std::borrow::Cow;
 use glam::Vec4;
 use kd_core::{Aabb, Axis};
 
+use crate::CHUNK;
 use crate::cell::Cell;
 use crate::plane::AxisCost;
 use crate::prim::Prim;
-use crate::tasks::{self, CHUNK};
 
 /// Most bins along an axis: their numbers fit into a byte, which needs no check when it indexes a table of so many.
 pub(crate) const MOST_BINS: usize = 256;
@@ -228,7 +228,7 @@ pub(crate) fn count(
     parallel: bool,
 ) -> Vec<Bins> {
     let chunks = cell.prims.chunks(CHUNK).collect();
-    tasks::map(chunks, parallel, |chunk: &[Prim]| {
+    kd_tasks::map(chunks, parallel, |chunk: &[Prim]| {
         Bins::of(chunk, axes, grid, step)
     })
 }

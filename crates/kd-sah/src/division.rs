@@ -4,11 +4,11 @@ use glam::Vec3;
 use kd_core::{Aabb, PrimSource};
 use smallvec::SmallVec;
 
+use crate::CHUNK;
 use crate::bits::numbers;
 use crate::cell::{Counted, Place};
 use crate::plane::{Plane, Side};
 use crate::prim::{Around, Prim};
-use crate::tasks::{self, CHUNK};
 
 /// How many primitives of each chunk of a large cell move when it is divided.
 pub(crate) struct ChunkCounts {
@@ -23,7 +23,7 @@ impl ChunkCounts {
         }
         let moves = division.staying().other();
         let chunks = cell.chunks(CHUNK).collect();
-        let moving = tasks::map(chunks, true, |chunk: &[Prim]| {
+        let moving = kd_tasks::map(chunks, true, |chunk: &[Prim]| {
             Counted::of(chunk, division.plane).at(moves)
         });
         Some(Self { moving })
@@ -248,7 +248,7 @@ impl<S: PrimSource> Division<'_, S> {
             (moved, rest) = rest.split_at_mut(count);
             chunks.push((chunk, moved));
         }
-        let filled = tasks::map(chunks, true, |(chunk, moved)| {
+        let filled = kd_tasks::map(chunks, true, |(chunk, moved)| {
             let mut filled = Filled::NOTHING;
             self.divide_within(chunk, stays, moved, &mut Block::default(), &mut filled);
             filled

@@ -4,6 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use kd_core::{CostModel, Node, Pair, PrimSource, Slot};
 
+use crate::CHUNK;
 use crate::cell::{Cell, Counted, Place};
 use crate::choose::{ChoosePlane, Median, Memoryless as _};
 use crate::division::{Block, ChunkCounts, Divided, Division, Room};
@@ -12,7 +13,6 @@ use crate::output::{Built, Interior, Output};
 use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, as_count, offer_empty_cuts};
 use crate::prim::Prim;
 use crate::progress::{Share, Watched};
-use crate::tasks::{self, CHUNK};
 
 /// Cells with fewer primitives are built within one task.
 const TASK_PRIMS: usize = 1024;
@@ -113,7 +113,7 @@ impl<S: PrimSource> Task<'_, S> {
     fn driver<'a, C: ChoosePlane>(&'a self, chooser: &'a C, start: &Start) -> Driver<'a, S, C> {
         let threads = match self.options.threads {
             1 => 1,
-            _ => tasks::threads(),
+            _ => kd_tasks::threads(),
         };
         let parallel = threads > 1;
         // Where cells are no more than a thread's share of the work, there are others to divide at the same time.
@@ -371,7 +371,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
             let mut worker = shared.lock().unwrap_or_else(PoisonError::into_inner);
             self.grow(part, room.prims, room.free, &mut worker)
         };
-        let (lower, upper) = tasks::join(
+        let (lower, upper) = kd_tasks::join(
             || grow_here(lower, below),
             |taken| {
                 if !taken {

@@ -2,9 +2,9 @@
 
 use kd_core::Axis;
 
+use crate::CHUNK;
 use crate::plane::{BestPlane, Counts};
 use crate::prim::Prim;
-use crate::tasks::{self, CHUNK};
 
 /// A start, an end, or both at once (planar), packed so that integers in order are events in order:
 ///
@@ -158,7 +158,7 @@ pub(crate) fn sweep_in_chunks(
     parallel: bool,
 ) {
     let chunks = chunks(events);
-    let counted = tasks::map(chunks.clone(), parallel, |chunk| {
+    let counted = kd_tasks::map(chunks.clone(), parallel, |chunk| {
         let mut count_of = [0_usize; 3];
         for event in chunk {
             count_of[event.kind()] += 1;
@@ -172,7 +172,7 @@ pub(crate) fn sweep_in_chunks(
         before = (before.0 + planar + starts, before.1 - planar - ends);
     }
     let empty = BestPlane::new(best.cost);
-    let found = tasks::map(scans, parallel, |(chunk, before)| {
+    let found = kd_tasks::map(scans, parallel, |(chunk, before)| {
         let mut best = empty;
         sweep(chunk, axis, before, 1, &mut best);
         best.found()

@@ -59,10 +59,10 @@ mod prim;
 mod progress;
 mod promising;
 mod small;
-mod tasks;
 
 use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
 
+pub use kd_tasks::ThreadsError;
 pub use lazy::{LazyNode, Opened};
 pub use options::{BuildError, BuildOptions, Method};
 pub use progress::Watch;
@@ -73,7 +73,9 @@ use driver::{Start, Task};
 use output::Output;
 use prim::{Around, Prim};
 use progress::Watched;
-use tasks::CHUNK;
+
+/// Primitives to a chunk of a cell that is worked on by several threads.
+const CHUNK: usize = 1 << 13;
 
 /// Builds a tree over `source`.
 ///
@@ -125,7 +127,7 @@ fn build_watched_by<S: PrimSource>(
     watched: &Watched<'_>,
 ) -> Result<Tree, BuildError> {
     options.check()?;
-    let (output, bounds) = tasks::with_threads(options.threads, || {
+    let (output, bounds) = kd_tasks::with_threads(options.threads, || {
         let (place, prims) = root_cell(source, options.threads != 1)?;
         let task = Task {
             source,
@@ -168,7 +170,7 @@ fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<(Place, Vec<Pri
     }
     let mut prims = Prim::room_for(primitives as usize);
     let chunks = (0..primitives).step_by(CHUNK).zip(prims.chunks_mut(CHUNK));
-    let around = tasks::map(chunks.collect(), parallel, |(first, chunk)| {
+    let around = kd_tasks::map(chunks.collect(), parallel, |(first, chunk)| {
         let mut around = Around::NOTHING;
         for (slot, prim) in (first..).zip(chunk) {
             let bounds = source.bounds(slot);

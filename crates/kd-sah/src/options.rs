@@ -1,6 +1,7 @@
 //! What a user can ask of a build.
 
 use kd_core::{CostModel, Layout, MAX_DEPTH, TreeError};
+use kd_tasks::ThreadsError;
 use thiserror::Error;
 
 use crate::bins::MOST_BINS;
@@ -307,13 +308,8 @@ pub enum BuildError {
     #[error("the build was cancelled")]
     Cancelled,
     /// The threads asked for could not be started.
-    #[error("cannot start {threads} threads: {reason}")]
-    Threads {
-        /// How many were asked for.
-        threads: usize,
-        /// What the system said.
-        reason: String,
-    },
+    #[error(transparent)]
+    Threads(#[from] ThreadsError),
 }
 
 #[cfg(test)]

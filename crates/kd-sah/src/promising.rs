@@ -10,12 +10,12 @@
 use kd_core::Axis;
 use smallvec::SmallVec;
 
+use crate::CHUNK;
 use crate::bins::{Bins, Edges, Grid};
 use crate::cell::Cell;
 use crate::collect::{Collected, Wanted};
 use crate::events::sweep;
 use crate::plane::{BestPlane, CellCost, Side};
-use crate::tasks::{self, CHUNK};
 
 /// A bin, and what bounds its planes.
 #[derive(Clone, Copy, Debug)]
@@ -221,7 +221,7 @@ impl<'a> Promising<'a> {
         let bins = self.candidates.iter().map(|c| (c.axis, c.bin));
         let wanted = Wanted::new(bins.clone());
         let chunks = cell.prims.chunks(CHUNK).zip(chunks).collect();
-        let collected = tasks::map(chunks, parallel, |(prims, counted): (_, &Bins)| {
+        let collected = kd_tasks::map(chunks, parallel, |(prims, counted): (_, &Bins)| {
             let counts = bins.clone().map(|(axis, bin)| {
                 let (starts, ends) = counted.at(axis, bin);
                 starts + ends
@@ -235,7 +235,7 @@ impl<'a> Promising<'a> {
             1
         };
         let known = *best;
-        let found = tasks::map((0..stride).collect(), parallel, |first| {
+        let found = kd_tasks::map((0..stride).collect(), parallel, |first| {
             let mut best = known;
             let mut events = Vec::new();
             for number in (first..self.candidates.len()).step_by(stride) {

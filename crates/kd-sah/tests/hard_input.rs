@@ -295,6 +295,17 @@ fn too_many_primitives_are_refused_before_anything_is_allocated() {
     }
 }
 
+#[cfg(feature = "parallel")]
+#[test]
+fn too_many_threads_are_refused() {
+    let options = BuildOptions::best().with_threads(usize::MAX);
+    let error = build(&soup(&[TILTED]), &options).expect_err("far too many");
+    assert!(
+        matches!(&error, BuildError::Threads(why) if why.threads == usize::MAX),
+        "{error:?}"
+    );
+}
+
 /// A source need not be a mesh, and may lie.
 struct Boxes(Vec<Aabb>);
 

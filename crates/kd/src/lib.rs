@@ -119,7 +119,7 @@ pub use kd_core::{
     Aabb, Axis, CostModel, FileError, Hit, Layout, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
     NodeIndex, NodeView, Ray, RayPacket8, TracedBytes, Tree, TreeError, TreeStats, offset_origin,
 };
-pub use kd_sah::{BuildError, BuildOptions, Method, Watch};
+pub use kd_sah::{BuildError, BuildOptions, Method, ThreadsError, Watch};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
 #[cfg(feature = "counters")]
@@ -141,7 +141,7 @@ pub mod grid {
 pub mod bvh {
     pub use kd_bvh::{
         BuildError, Bvh, BvhCounts, BvhMethod, BvhNode, BvhNodeView, BvhOptions, BvhStats,
-        RefitError,
+        RefitError, ThreadsError,
     };
 }
 

@@ -6,13 +6,14 @@ use serde_json::Value;
 /// Dev-dependencies are free: tests may look at anything.
 const EDGES: &[(&str, &[&str])] = &[
     ("kd-core", &[]),
-    ("kd-sah", &["kd-core"]),
-    ("kd-merge", &["kd-core", "kd-sah"]),
+    ("kd-tasks", &[]),
+    ("kd-sah", &["kd-core", "kd-tasks"]),
+    ("kd-merge", &["kd-core", "kd-sah", "kd-tasks"]),
     ("kd-trace", &["kd-core"]),
     ("kd-grid", &["kd-core", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-trace"]),
-    ("kd-bvh", &["kd-core", "kd-trace"]),
+    ("kd-bvh", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-select", &["kd-grid", "kd-trace"]),
     ("kd-render", &["kd", "kd-scene"]),

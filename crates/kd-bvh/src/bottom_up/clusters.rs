@@ -3,7 +3,6 @@
 use crate::build::cost_as_leaf;
 use crate::item::{Bounds, Item};
 use crate::options::BvhOptions;
-use crate::tasks;
 
 /// Fewer groups do not pay for threads.
 const PARALLEL_ABOVE: usize = 1 << 12;
@@ -121,7 +120,7 @@ impl Clusters {
 fn partners(free: &[Free], radius: usize, is_parallel: bool) -> Vec<u32> {
     let count = u32::try_from(free.len()).expect("30 bits count triangles");
     let is_parallel = is_parallel && free.len() >= PARALLEL_ABOVE;
-    let partners = tasks::collect(count, is_parallel, |place| partner(free, place, radius));
+    let partners = kd_tasks::collect(count, is_parallel, |place| partner(free, place, radius));
     let in_pairs = (0..).zip(&partners).filter(|(place, partner)| {
         let partner_of_partner = partners[**partner as usize];
         partner_of_partner == *place

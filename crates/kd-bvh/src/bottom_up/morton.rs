@@ -3,7 +3,6 @@
 use glam::Vec3A;
 
 use crate::item::{Around, Item};
-use crate::tasks;
 
 /// Steps of the curve along each axis: 21 bits of three axes fit 64.
 const STEPS: f32 = (1 << 21) as f32;
@@ -24,11 +23,11 @@ pub(super) fn in_order(items: &[Item], is_parallel: bool) -> Vec<Item> {
         code(place)
     };
     let count = u32::try_from(items.len()).expect("30 bits count triangles");
-    let mut order = tasks::collect(count, is_parallel, |place| {
+    let mut order = kd_tasks::collect(count, is_parallel, |place| {
         let item = &items[place as usize];
         (code(item), item.triangle, place)
     });
-    tasks::sort(&mut order, is_parallel);
+    kd_tasks::sort(&mut order, is_parallel);
     let sorted = order.into_iter();
     sorted.map(|(_, _, place)| items[place as usize]).collect()
 }

@@ -80,3 +80,15 @@ fn wrong_options_are_refused() {
     };
     assert_eq!(error, expected);
 }
+
+#[cfg(feature = "parallel")]
+#[test]
+fn too_many_threads_are_refused() {
+    let mesh = scenes::confetti(3, 1);
+    let options = BvhOptions::new().with_threads(usize::MAX);
+    let error = Bvh::build(&mesh, &options).expect_err("far too many");
+    assert!(
+        matches!(&error, BuildError::Threads(why) if why.threads == usize::MAX),
+        "{error:?}"
+    );
+}

@@ -8,11 +8,11 @@
 use kd_core::Axis;
 
 use super::Memoryless;
+use crate::CHUNK;
 use crate::cell::Cell;
 use crate::plane::{BestPlane, CellCost, Plane, Side, offer_empty_cuts};
 use crate::prim::Prim;
 use crate::small::{self, SMALL};
-use crate::tasks::{self, CHUNK};
 
 /// Planes counted in one pass.
 const PLANES: usize = 8;
@@ -166,7 +166,7 @@ fn between(a: f32, b: f32, part: f32) -> f32 {
 
 /// How many primitives reach below and above each of eight planes.
 fn count(cell: Cell<'_>, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [Counted; PLANES] {
-    let chunks = tasks::map(
+    let chunks = kd_tasks::map(
         cell.prims.chunks(CHUNK).collect(),
         parallel,
         |chunk: &[Prim]| {

@@ -7,7 +7,6 @@ use crate::cell::{Cell, Lies};
 use crate::events::{Event, events_of, push_events, sweep_in_chunks};
 use crate::plane::{BestPlane, CellCost, Plane};
 use crate::prim::Prim;
-use crate::tasks;
 
 /// Sorts the root's events, and from then on splices: events of primitives on one side stay in order, only those of
 /// primitives that the plane cut are made anew, sorted and merged in.
@@ -55,7 +54,7 @@ impl ChoosePlane for Sweep {
         let axes = Axis::ALL.into_iter().zip(kept).collect();
         let mut lower = [const { Vec::new() }; 3];
         let mut upper = [const { Vec::new() }; 3];
-        let divided = tasks::map(axes, parallel, |(axis, events)| {
+        let divided = kd_tasks::map(axes, parallel, |(axis, events)| {
             (axis, moves.divide(axis, events, parts))
         });
         for (axis, [below, above]) in divided {
