@@ -39,7 +39,7 @@ impl Bvh {
     pub fn build(mesh: &Mesh, options: &BvhOptions) -> Result<Self, BuildError> {
         options.check()?;
         let is_parallel = options.threads != 1;
-        let (nodes, triangles) = kd_tasks::with_threads(options.threads, || {
+        let (nodes, triangles) = kd_tasks::in_pool_of(options.threads, || {
             let items = kd_tasks::collect(mesh.count(), is_parallel, |triangle| {
                 Item::of(mesh, triangle)
             });

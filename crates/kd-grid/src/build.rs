@@ -18,7 +18,6 @@ use crate::lattice::Lattice;
 use crate::options::{BuildError, GridOptions, Overlap};
 use crate::overlap::{for_each_cell, for_each_cell_met, is_worth_a_test};
 use crate::small_boxes::SmallBoxes;
-use crate::tasks;
 
 /// Meshes of fewer triangles are built about as soon as another thread is awake.
 const FEW: usize = 1 << 14;
@@ -51,14 +50,15 @@ struct Scratch {
 
 pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, BuildError> {
     options.check(mesh.len())?;
-    tasks::with_threads(options.threads, || {
+    let cells = kd_tasks::with_threads(options.threads, || {
         let build = Build {
             mesh,
             overlap: options.overlap,
             is_parallel: options.threads != 1 && mesh.len() > FEW,
         };
         build.cells(options)
-    })
+    });
+    Ok(cells?)
 }
 
 struct Build<'a> {
@@ -107,7 +107,7 @@ impl Build<'_> {
         // Whether the sum of all is beyond the limit does not depend on who adds first.
         let cells = AtomicU64::new(0);
         let chunks =
-            tasks::map_in_place(starts, self.is_parallel, |scratch: &mut Scratch, start| {
+            kd_tasks::map_in_place(starts, self.is_parallel, |scratch: &mut Scratch, start| {
                 let triangles = start..self.mesh.len().min(start + CHUNK);
                 let own = self.cover(lattice, triangles.clone(), &mut scratch.covers);
                 if cells.fetch_add(own, Ordering::Relaxed) + own > limit {
@@ -195,7 +195,7 @@ impl Build<'_> {
             begin += count as u32;
             (slab, offsets, refs, first)
         });
-        tasks::map_in_place(parts.collect(), self.is_parallel, |(): &mut (), part| {
+        kd_tasks::map_in_place(parts.collect(), self.is_parallel, |(): &mut (), part| {
             let (slab, offsets, refs, first) = part;
             enter_slab(chunks, slab, offsets, refs, first);
         });

@@ -1,7 +1,6 @@
 //! Which triangles are in which cells, sorted by slabs of cells.
 
 use crate::small_boxes::CELLS;
-use crate::tasks;
 
 /// Triangles to a chunk.
 pub(crate) const CHUNK: usize = 1 << CHUNK_POWER;
@@ -24,7 +23,7 @@ impl Slabs {
     pub(crate) fn new(cells: usize, is_parallel: bool) -> Self {
         const SOME: usize = 8;
         let parts = if is_parallel {
-            SOME * tasks::threads()
+            SOME * kd_tasks::threads()
         } else {
             1
         };

@@ -42,9 +42,9 @@ mod options;
 mod overlap;
 mod small_boxes;
 mod stats;
-mod tasks;
 mod walk;
 
 pub use grid::UniformGrid;
+pub use kd_tasks::ThreadsError;
 pub use options::{BuildError, GridOptions, Overlap};
 pub use stats::GridStats;

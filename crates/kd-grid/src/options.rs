@@ -1,5 +1,6 @@
 //! What a user can ask of a grid.
 
+use kd_tasks::ThreadsError;
 use thiserror::Error;
 
 /// Which cells a triangle is entered in.
@@ -131,13 +132,8 @@ pub enum BuildError {
         rule: &'static str,
     },
     /// The threads asked for could not be started.
-    #[error("cannot start {threads} threads: {reason}")]
-    Threads {
-        /// How many were asked for.
-        threads: usize,
-        /// What the system said.
-        reason: String,
-    },
+    #[error(transparent)]
+    Threads(#[from] ThreadsError),
 }
 
 #[cfg(test)]

@@ -127,7 +127,7 @@ fn build_watched_by<S: PrimSource>(
     watched: &Watched<'_>,
 ) -> Result<Tree, BuildError> {
     options.check()?;
-    let (output, bounds) = kd_tasks::with_threads(options.threads, || {
+    let (output, bounds) = kd_tasks::in_pool_of(options.threads, || {
         let (place, prims) = root_cell(source, options.threads != 1)?;
         let task = Task {
             source,

@@ -20,7 +20,7 @@
 //! ```
 //!
 //! The threads are those of the pool in scope: one that [`with_threads`] has made, or rayon's, of as many as there are cores.
-//! A pool that has nothing to do sleeps, and takes about as long to wake as a small build takes. [`with_threads`] and [`in_pool`]
+//! A pool that has nothing to do sleeps, and takes about as long to wake as a small build takes. [`in_pool_of`] and [`in_pool`]
 //! wait for that once, and are for work that joins often; [`map_in_place`] begins without waiting.
 //!
 //! Where a function asks whether it `is_parallel`, `false` does the same on the calling thread.
@@ -59,7 +59,8 @@ pub fn threads() -> usize {
     }
 }
 
-/// Runs `work` with so many threads; 0 means those in scope, 1 the calling one. Without feature `parallel` it is always that.
+/// Runs `work` with so many threads in scope; 0 means those that are there, 1 the calling one alone, if the work asks for no others.
+/// Without feature `parallel` it is always that.
 ///
 /// # Errors
 ///
@@ -73,7 +74,19 @@ pub fn with_threads<R: Send>(
     if threads > 1 && threads != rayon::current_num_threads() {
         return Ok(pool(threads)?.install(work));
     }
-    Ok(in_pool(threads != 1, work))
+    Ok(work())
+}
+
+/// Runs work that joins in a pool of so many threads; 0 means the one in scope, 1 the calling thread.
+///
+/// # Errors
+///
+/// As [`with_threads`].
+pub fn in_pool_of<R: Send>(
+    threads: usize,
+    work: impl FnOnce() -> R + Send,
+) -> Result<R, ThreadsError> {
+    with_threads(threads, || in_pool(threads != 1, work))
 }
 
 /// So many new threads.
@@ -232,14 +245,15 @@ mod tests {
             sort(&mut sorted, is_parallel);
             let (a, b) = join(|| vec![1], |_| vec![2]);
             let moved = in_pool(is_parallel, || vec![3]);
-            vec![mapped, in_place, collected, sorted, a, b, moved]
+            let moved_to = in_pool_of(if is_parallel { 2 } else { 1 }, || vec![4]).expect("two");
+            vec![mapped, in_place, collected, sorted, a, b, moved, moved_to]
         };
         with_threads(threads, work).expect("a few threads")
     }
 
     #[test]
     fn results_are_in_order_whoever_works() {
-        let expected: [Vec<u32>; 7] = [
+        let expected: [Vec<u32>; 8] = [
             (0..100).map(|x| 3 * x).collect(),
             (0..100).map(|x: u32| x * x.saturating_sub(1) / 2).collect(),
             (0..10_000).map(|x| x ^ 0x2a).collect(),
@@ -247,6 +261,7 @@ mod tests {
             vec![1],
             vec![2],
             vec![3],
+            vec![4],
         ];
         for threads in [0, 1, 2, 3, 8] {
             for is_parallel in [false, true] {

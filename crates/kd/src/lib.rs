@@ -134,7 +134,7 @@ pub use tree::KdTree;
 
 /// Uniform grids: there at once, slow for each ray where triangles are spread unevenly.
 pub mod grid {
-    pub use kd_grid::{BuildError, GridOptions, GridStats, Overlap, UniformGrid};
+    pub use kd_grid::{BuildError, GridOptions, GridStats, Overlap, ThreadsError, UniformGrid};
 }
 
 /// Bounding volume hierarchies: quickly built, and they move with what is in them.

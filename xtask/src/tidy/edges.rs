@@ -10,7 +10,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-sah", &["kd-core", "kd-tasks"]),
     ("kd-merge", &["kd-core", "kd-sah", "kd-tasks"]),
     ("kd-trace", &["kd-core"]),
-    ("kd-grid", &["kd-core", "kd-trace"]),
+    ("kd-grid", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-trace"]),
     ("kd-bvh", &["kd-core", "kd-tasks", "kd-trace"]),
