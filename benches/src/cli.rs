@@ -12,8 +12,8 @@ use crate::merges::MergesArgs;
 use crate::paper::PaperArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::rays::RayKind;
+use crate::scene_table::SceneTableArgs;
 use crate::structure::{BuilderName, LayoutName, StructureName};
-use crate::structures::StructuresArgs;
 
 /// Measures kd-trees: builds, rays, memory, and whether the answers are right.
 #[derive(Debug, Parser)]
@@ -35,7 +35,7 @@ pub(crate) enum Command {
     Merges(MergesArgs),
     /// Print what grids, hierarchies and the papers' other structures cost and are worth, over rivals and our default tree, with
     /// the goals
-    Structures(StructuresArgs),
+    Structures(SceneTableArgs),
     /// Make a table of one of the papers again, ours beside it
     Paper(Box<PaperArgs>),
     /// Count instructions per ray, which do not depend on how busy the machine is

@@ -32,6 +32,7 @@ mod record;
 mod report;
 mod run_folder;
 mod sampling;
+mod scene_table;
 mod scene_views;
 mod scenes;
 mod structure;

@@ -20,7 +20,7 @@ use crate::goals::{Goal, Row, Table, geometric_mean};
 use crate::measure::{self, Repeats};
 use crate::rays::{self, RayKind, RaySource};
 use crate::record::median_ratio;
-use crate::run_folder;
+use crate::{run_folder, terminal};
 
 /// What to measure.
 #[derive(Args, Debug)]
@@ -118,10 +118,7 @@ pub(crate) fn run(arguments: &MergesArgs) -> anyhow::Result<bool> {
         run_folder::write(path, table.to_lines()?)?;
         println!("wrote {}", path.display());
     }
-    for problem in &problems {
-        eprintln!("FAILED: {problem}");
-    }
-    Ok(problems.is_empty())
+    Ok(terminal::tell_problems(&problems))
 }
 
 fn table(measured: &[[Figures; METHODS.len()]]) -> Table {

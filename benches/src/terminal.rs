@@ -27,6 +27,14 @@ pub(crate) fn table(records: &[Record]) -> String {
     table.to_string()
 }
 
+/// Says what was wrong; true if nothing was.
+pub(crate) fn tell_problems<'a>(problems: impl IntoIterator<Item = &'a String>) -> bool {
+    let told = problems
+        .into_iter()
+        .inspect(|problem| eprintln!("FAILED: {problem}"));
+    told.count() == 0
+}
+
 /// A table with a head and no rows yet.
 pub(crate) fn empty_table(head: Vec<String>) -> Table {
     let mut table = Table::new();

@@ -15,7 +15,7 @@ use kd_select::{Calibration, RayScheme};
 
 use super::PaperArgs;
 use crate::environment::Environment;
-use crate::run_folder;
+use crate::{run_folder, terminal};
 
 use decisions::Decisions;
 use estimates::Estimates;
@@ -63,10 +63,7 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         run_folder::write(path, calibration.to_json())?;
         println!("wrote {}", path.display());
     }
-    for problem in &problems {
-        eprintln!("FAILED: {problem}");
-    }
-    Ok(problems.is_empty())
+    Ok(terminal::tell_problems(&problems))
 }
 
 /// What was measured with rays of one scheme.

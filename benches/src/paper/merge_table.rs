@@ -157,10 +157,7 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         run_folder::write(path, lines)?;
         println!("wrote {}", path.display());
     }
-    for problem in &problems {
-        eprintln!("FAILED: {problem}");
-    }
-    Ok(problems.is_empty())
+    Ok(terminal::tell_problems(&problems))
 }
 
 fn animations(arguments: &PaperArgs) -> anyhow::Result<Vec<Animation>> {

@@ -93,10 +93,7 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         bench.picture(path)?;
         println!("wrote {}", path.display());
     }
-    for problem in &problems {
-        eprintln!("FAILED: {problem}");
-    }
-    Ok(problems.is_empty())
+    Ok(terminal::tell_problems(&problems))
 }
 
 fn scene(arguments: &PaperArgs) -> anyhow::Result<(String, SceneDescription)> {
