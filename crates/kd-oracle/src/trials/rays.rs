@@ -298,3 +298,82 @@ pub fn a_hit_beside_its_triangle(subject: &Subject) {
         }
     }
 }
+
+/// Such hits at the edges of the box around all there is, by rays that run outside of it all the way.
+#[track_caller]
+pub fn hits_from_outside_the_box(subject: &Subject) {
+    let mut rng = Rng(44);
+    let mut hits = 0;
+    for axis in 0..3 {
+        for (sign_x, sign_y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            // To an edge of the box at (0, 0), where f32 can tell the least distances.
+            let turned = |x: f32, y: f32, z: f32| {
+                let mut p = Vec3::ZERO;
+                p[axis] = z;
+                p[(axis + 1) % 3] = sign_x * x;
+                p[(axis + 2) % 3] = sign_y * y;
+                p
+            };
+            // Each of these has the middle of the edge, and they fill the box.
+            let mut soup = Soup::default();
+            for fan in 0..9 {
+                let far = turned(0.125 * fan as f32 - 1.0, -0.125 * fan as f32, 0.0);
+                soup.triangle([turned(0.0, 0.0, -1.0), turned(0.0, 0.0, 1.0), far]);
+            }
+            let mesh = soup.mesh();
+            let fan = Over::new(subject, "fan", &mesh);
+            for _ in 0..1000 {
+                // Past the edge: beyond it along x from there on, and along y before.
+                let (x, y) = (rng.between(0.0, 3e-9), rng.between(0.0, 3e-9));
+                let origin = turned(x, y, rng.between(-0.9, 0.9));
+                let (dx, dy) = (rng.between(0.1, 0.9), rng.between(-0.9, -0.1));
+                let ray = Ray::new(origin, turned(dx, dy, 1.0));
+                hits += usize::from(fan.ask(&ray.with_range(-INFINITY, INFINITY)) > 0);
+            }
+            let beside = Ray::new(turned(1e-3, 1e-3, 0.0), turned(0.5, -0.5, 1.0));
+            fan.expect(&beside.with_range(-INFINITY, INFINITY), 0);
+        }
+    }
+    assert!(hits > 1000, "{hits} of 12000");
+}
+
+/// Within a face of the box around all there is but for so little that it is nothing beside the size of the box, and out of it
+/// before the last of what they could hit, or into it before the first.
+#[track_caller]
+pub fn rays_almost_in_a_face(subject: &Subject) {
+    let mut rng = Rng(45);
+    let mut hits = 0;
+    for axis in 0..3 {
+        for sign in [1.0, -1.0] {
+            // y goes along the axis, and to a face of the box at 0.
+            let turned = |x: f32, y: f32, z: f32| {
+                let mut p = Vec3::ZERO;
+                p[axis] = sign * y;
+                p[(axis + 1) % 3] = x;
+                p[(axis + 2) % 3] = z;
+                p
+            };
+            // Sheets one behind the other, all of which have an edge in the face.
+            let mut soup = Soup::default();
+            for sheet in 0..9 {
+                let x = 0.25 * sheet as f32 - 1.0;
+                let corners = [(0.0, -1.0), (0.0, 1.0), (-1.0, 0.0)];
+                soup.triangle(corners.map(|(y, z)| turned(x, y, z)));
+            }
+            let mesh = soup.mesh();
+            let sheets = Over::new(subject, "sheets", &mesh);
+            for _ in 0..400 {
+                // Through the face between the first sheet and the last.
+                let (exit, z) = (rng.between(-0.9, 0.9), rng.between(-0.9, 0.9));
+                let start = rng.pick(&[-1.5, -1.5, -30.0, -1e3, -1e6, -6e7]);
+                let slope = rng.pick(&[1e-9, 1e-12, 1e-15, 1e-17, 1e-20, 1e-30]);
+                let slope = slope * rng.pick(&[1.0, -1.0]);
+                let origin = turned(start, slope * (start - exit), z);
+                hits += sheets.ask(&Ray::new(origin, turned(1.0, slope, 0.0)));
+            }
+            let above = Ray::new(turned(-2.0, 1e-3, 0.0), turned(1.0, 0.0, 0.0));
+            sheets.expect(&above, 0);
+        }
+    }
+    assert!(hits > 6000, "{hits} by 2400 rays");
+}
