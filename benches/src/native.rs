@@ -12,7 +12,7 @@ use anyhow::Context as _;
 use crate::cli::{BenchArgs, name_of};
 use crate::record::{self, Record};
 use crate::run_folder::RunFolder;
-use crate::structure::StructureName;
+use crate::structure::{StructureName, Variant};
 use crate::variants;
 
 /// Runs the other program over the same scenes and rays. There, too, Embree runs before every repeat.
@@ -21,11 +21,7 @@ pub(crate) fn measure(
     arguments: &BenchArgs,
     folder: &RunFolder,
 ) -> anyhow::Result<Vec<Record>> {
-    let rivals = variants::choose(arguments)?
-        .into_iter()
-        .filter(|variant| variant.is_rival());
-    let mut structures: Vec<StructureName> = rivals.map(|variant| variant.structure).collect();
-    structures.retain(|structure| structure.is_rust_rival());
+    let structures = to_measure(&variants::choose(arguments)?);
     if structures.is_empty() {
         return Ok(Vec::new());
     }
@@ -46,10 +42,21 @@ pub(crate) fn measure(
         "{}: {status}",
         program.display()
     );
-    // A structure of ours may have the name of a rival's, and be measured with it.
-    let mut records = record::read(&records)?;
+    Ok(of_rivals(record::read(&records)?))
+}
+
+/// The structures of a run that have rivals written in Rust among their variants.
+fn to_measure(variants: &[Variant]) -> Vec<StructureName> {
+    let rivals = variants.iter().filter(|variant| variant.is_rival());
+    let mut structures: Vec<StructureName> = rivals.map(|variant| variant.structure).collect();
+    structures.retain(|structure| structure.is_rust_rival());
+    structures
+}
+
+/// A structure of ours may have the name of a rival's, and be measured with it.
+fn of_rivals(mut records: Vec<Record>) -> Vec<Record> {
     records.retain(Record::is_of_rival);
-    Ok(records)
+    records
 }
 
 /// The arguments of this run, for those structures alone.
@@ -144,6 +151,52 @@ mod tests {
             kept,
             ["native", "native", ""],
             "medium gains, slow does not"
+        );
+    }
+
+    /// Hierarchies of ours and the crate bvh have one name.
+    #[test]
+    fn our_hierarchies_are_no_rivals() {
+        let to_measure = |arguments: &str| {
+            let command = format!("kd-bench bench --peers --structure {arguments}");
+            let Command::Bench(arguments) = Cli::try_parse_from(command.split(' '))
+                .expect("valid")
+                .command
+            else {
+                panic!("asked for bench");
+            };
+            to_measure(&variants::choose(&arguments).expect("some"))
+        };
+        let none: [StructureName; 0] = [];
+        assert_eq!(to_measure("bvh --builder binned"), none, "of ours only");
+        let rivals = to_measure("bvh --builder binned,default");
+        assert_eq!(rivals, [StructureName::Bvh], "the crate");
+
+        // The other build makes rows of both. Ours was faster there.
+        let record = |builder: &str, flags: &str, nanoseconds: f64| {
+            let mut record = record::example();
+            record.structure = "bvh".into();
+            record.builder = builder.into();
+            record.rustflags = flags.into();
+            record.timed.baseline_ns_per_ray = vec![100.0];
+            record.timed.trace_ns_per_ray = vec![nanoseconds];
+            record.exact.disagreement_ppm = (builder == "default").then_some(0.5);
+            record
+        };
+        let both = |flags: &str, nanoseconds: f64| {
+            let builders = ["binned", "default", "sweep"];
+            builders.map(|builder| record(builder, flags, nanoseconds))
+        };
+        let mut records = both("", 50.0);
+        keep_better(&mut records, of_rivals(both("native", 20.0).to_vec()));
+        let kept = records.map(|record| (record.builder, record.rustflags));
+        let kept = kept
+            .each_ref()
+            .map(|(builder, flags)| (builder.as_str(), flags.as_str()));
+        assert_eq!(
+            kept,
+            [("binned", ""), ("default", "native"), ("sweep", "")],
+            "only the crate is replaced"
         );
     }
 

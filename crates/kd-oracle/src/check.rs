@@ -11,6 +11,10 @@ pub trait Answers {
     fn any(&self, ray: &Ray) -> bool;
     /// The first `max` hits in order; what is in `out` goes.
     fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>);
+    /// Axis and place of planes that it divides space by, if it has any: some rays begin or run in them.
+    fn planes(&self) -> Vec<(usize, f32)> {
+        Vec::new()
+    }
 }
 
 /// Asks every query about a ray, of each structure, and expects what brute force says. Gives the number of hits.

@@ -254,6 +254,71 @@ pub fn stadium() -> Mesh {
     soup.mesh()
 }
 
+/// Triangles of all sizes, anywhere: so many, and others for each seed.
+pub fn confetti(count: usize, seed: u64) -> Mesh {
+    let mut rng = Rng(seed);
+    let mut soup = Soup::default();
+    for _ in 0..count {
+        let (center, size) = (2.0 * rng.vec3(), 0.05 + 0.5 * rng.unit());
+        soup.triangle([(); 3].map(|()| center + size * rng.vec3()));
+    }
+    soup.mesh()
+}
+
+/// Points, lines, and a few triangles that have an area.
+pub fn zero_area() -> Mesh {
+    let mut rng = Rng(9);
+    let mut soup = Soup::default();
+    for i in 0..300 {
+        let [a, b, c] = [rng.vec3(), rng.vec3(), rng.vec3()];
+        let corners = [[a, a, a], [a, b, a], [a, b, a.midpoint(b)], [a, b, c]];
+        soup.triangle(corners[(i % 16).min(3)]);
+    }
+    soup.mesh()
+}
+
+/// So many times the same triangle, and one beside it.
+pub fn coincident(count: usize) -> Mesh {
+    let positions = [
+        [0.0, 0.0, 2.0],
+        [1.0, 0.0, 2.0],
+        [0.0, 1.0, 2.5],
+        [2.0, 2.0, 2.0],
+    ];
+    let mut triangles = vec![[0, 1, 2]; count];
+    triangles.push([1, 2, 3]);
+    Mesh::new(positions.to_vec(), triangles).expect("valid")
+}
+
+/// Triangles each twice as far as the last and twice as large, over all of f32: dividing in the middle parts one at a time.
+pub fn doubling() -> Mesh {
+    let mut soup = Soup::default();
+    for power in -70..70 {
+        let far = 2.0_f32.powi(power);
+        let at = |y: f32, z: f32| far * Vec3::new(1.0, y, z);
+        soup.triangle([at(-0.1, -0.1), at(0.1, -0.1), at(0.0, 0.2)]);
+    }
+    soup.mesh()
+}
+
+/// Meshes at the ends of what there is, each with its name: of few triangles with an area, of many in one place, of all sizes, as
+/// large, as small and as far off as can be.
+pub fn extreme() -> Vec<(&'static str, Mesh)> {
+    let confetti = confetti(250, 4);
+    vec![
+        ("zero area", zero_area()),
+        ("coincident", coincident(100)),
+        ("doubling", doubling()),
+        ("huge", moved(&confetti, |p| 1e30 * p)),
+        ("largest", moved(&confetti, |p| 1.3e38 * p)),
+        ("tiny", moved(&confetti, |p| 1e-30 * p)),
+        (
+            "far off",
+            moved(&confetti, |p| p + Vec3::new(1e5, -3e4, 7e6)),
+        ),
+    ]
+}
+
 /// Every scene with its name.
 pub fn all() -> Vec<(&'static str, Mesh)> {
     vec![
@@ -296,7 +361,11 @@ mod tests {
         assert_eq!(sphere(2).len(), 320, "20 * 4 * 4");
         assert_eq!(flat().bounds().extent().y, 0.0, "no height");
         assert!(duplicates().zero_area_count() >= 40, "some have no area");
-        for (name, mesh) in all() {
+        let with_area = 300 - zero_area().zero_area_count();
+        assert!((50..300).contains(&with_area), "{with_area} have an area");
+        let extent = doubling().bounds().extent().max_element();
+        assert!(extent > 1e20, "from 2⁻⁷⁰ to 2⁷⁰: {extent:e}");
+        for (name, mesh) in all().into_iter().chain(extreme()) {
             assert!((100..400).contains(&mesh.len()), "{name}: {}", mesh.len());
         }
     }

@@ -32,7 +32,7 @@ pub fn check_closed(name: &str, mesh: &Mesh, origins: &[Vec3], hits: impl Fn(&Ra
             }
         }
     }
-    assert!(rays >= 9 * 12 * 10, "{name}: only {rays} rays");
+    assert!(rays >= 9 * 20, "{name}: only {rays} rays");
 }
 
 /// Points within `radius` of the origin, among them some that give exact directions.
@@ -43,12 +43,13 @@ pub fn points(radius: f32) -> Vec<Vec3> {
         Vec3::new(0.0, 0.25, 0.0),
         Vec3::new(0.25, 0.25, -0.25),
         Vec3::new(-0.125, 0.0, 0.0625),
+        Vec3::splat(0.125),
     ];
     points.extend((0..12).map(|_| radius * rng.unit() * rng.direction()));
     points
 }
 
-/// Closed meshes with points inside: a sphere, a cube of many triangles in each plane, a bumpy surface, and small spheres of
+/// Closed meshes with points inside: a sphere, cubes of many triangles in each plane, a bumpy surface, and small spheres of
 /// any size anywhere.
 pub fn closed_meshes() -> Vec<(String, Mesh, Vec<Vec3>)> {
     let mut in_cube = points(0.99);
@@ -62,7 +63,14 @@ pub fn closed_meshes() -> Vec<(String, Mesh, Vec<Vec3>)> {
         ("sphere".to_owned(), scenes::sphere(2), points(0.95)),
         ("cube".to_owned(), scenes::cube(4), in_cube),
         ("bumpy".to_owned(), scenes::bumpy(), points(0.45)),
+        ("odd cube".to_owned(), scenes::cube(3), points(0.99)),
     ];
+    let far_off = |p: Vec3| 1e3 * p + Vec3::new(3e4, -7e5, 11.0);
+    meshes.push((
+        "far off".to_owned(),
+        scenes::moved(&scenes::sphere(1), far_off),
+        points(0.7).into_iter().map(far_off).collect(),
+    ));
     for scale in [1e-3, 1.0, 1e4] {
         for offset in [0.0, 30.0, -1000.0] {
             for levels in [0, 1] {

@@ -1,9 +1,10 @@
 //! The one place that compares a ray's answers, and the one that looks whether a hierarchy is sound.
 
 use kd_bvh::{Bvh, BvhMethod, BvhNodeView, BvhOptions};
-use kd_core::{Aabb, CostModel, MAX_DEPTH, Mesh, Ray};
+use kd_core::{Aabb, CostModel, Hit, MAX_DEPTH, Mesh, Ray};
 use kd_oracle::rays::Rays;
-use kd_trace::{Level, WideTree, brute_force};
+use kd_oracle::{Answers, source};
+use kd_trace::{Level, WideTree};
 
 /// Every method.
 pub(crate) const METHODS: [BvhMethod; 5] = [
@@ -31,21 +32,22 @@ pub(crate) fn option_rows() -> Vec<BvhOptions> {
     rows
 }
 
-/// A hierarchy and its wide form.
-pub(crate) struct Subject {
+/// A hierarchy over a mesh and its wide form.
+pub(crate) struct Subject<'a> {
+    mesh: &'a Mesh,
     pub(crate) options: BvhOptions,
     pub(crate) bvh: Bvh,
     wide: WideTree,
 }
 
-impl Subject {
+impl<'a> Subject<'a> {
     /// Checks that the hierarchy is sound, too.
-    pub(crate) fn new(mesh: &Mesh, options: &BvhOptions) -> Self {
+    pub(crate) fn new(mesh: &'a Mesh, options: &BvhOptions) -> Self {
         let bvh = Bvh::build(mesh, options).expect("valid options");
         Self::of(mesh, bvh, options)
     }
 
-    pub(crate) fn of(mesh: &Mesh, bvh: Bvh, options: &BvhOptions) -> Self {
+    pub(crate) fn of(mesh: &'a Mesh, bvh: Bvh, options: &BvhOptions) -> Self {
         check_sound(mesh, &bvh, options);
         let level = if options.method() == BvhMethod::Sweep {
             Level::portable()
@@ -53,6 +55,7 @@ impl Subject {
             Level::detect()
         };
         Self {
+            mesh,
             wide: bvh.wide(mesh).with_level(level),
             options: options.clone(),
             bvh,
@@ -60,49 +63,62 @@ impl Subject {
     }
 
     /// One for each row of options.
-    pub(crate) fn all(mesh: &Mesh) -> Vec<Self> {
+    pub(crate) fn all(mesh: &'a Mesh) -> Vec<Self> {
         let rows = option_rows();
         rows.iter().map(|row| Self::new(mesh, row)).collect()
     }
 }
 
+/// As the hierarchy does, having made sure that its wide form gives the same.
+impl Answers for Subject<'_> {
+    #[track_caller]
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let hit = self.bvh.intersect(self.mesh, ray);
+        let wide = self.wide.intersect(ray);
+        assert_eq!(wide, hit, "wide, closest, {}", self.place(ray));
+        hit
+    }
+
+    #[track_caller]
+    fn any(&self, ray: &Ray) -> bool {
+        let any = self.bvh.occluded(self.mesh, ray);
+        let wide = self.wide.occluded(ray);
+        assert_eq!(wide, any, "wide, any, {}", self.place(ray));
+        any
+    }
+
+    fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        self.bvh.hits(self.mesh, ray, max, out);
+    }
+
+    /// Faces of boxes.
+    fn planes(&self) -> Vec<(usize, f32)> {
+        let nodes = self.bvh.nodes().iter();
+        let faces = nodes.flat_map(|node| {
+            let bounds = node.bounds();
+            (0..3).flat_map(move |axis| [(axis, bounds.min[axis]), (axis, bounds.max[axis])])
+        });
+        faces.collect()
+    }
+}
+
+impl Subject<'_> {
+    fn place(&self, ray: &Ray) -> String {
+        format!("{:?}: {}", self.options.method(), source(ray))
+    }
+}
+
 /// Rays around a mesh and the boxes of hierarchies over it.
-pub(crate) fn rays<'a>(mesh: &'a Mesh, subjects: &[Subject], seed: u64) -> Rays<'a> {
-    let nodes = subjects.iter().flat_map(|subject| subject.bvh.nodes());
-    let faces = nodes.flat_map(|node| {
-        let bounds = node.bounds();
-        (0..3).flat_map(move |axis| [(axis, bounds.min[axis]), (axis, bounds.max[axis])])
-    });
+pub(crate) fn rays<'a>(mesh: &'a Mesh, subjects: &[Subject<'_>], seed: u64) -> Rays<'a> {
+    let faces = subjects.iter().flat_map(Answers::planes);
     Rays::new(mesh, faces.collect(), seed)
 }
 
-/// Asks each subject for the closest hit of a ray, and one of them, by turns, everything else, and expects what brute force
-/// says. Gives the number of hits.
+/// Asks each subject everything about a ray, and expects what brute force says. Gives the number of hits.
 #[track_caller]
-pub(crate) fn check(name: &str, mesh: &Mesh, subjects: &[Subject], ray: &Ray) -> usize {
-    let mut expected = Vec::new();
-    brute_force::hits(mesh, ray, usize::MAX, &mut expected);
-    let closest = expected.first().copied();
-    for Subject { options, bvh, .. } in subjects {
-        let found = bvh.intersect(mesh, ray);
-        assert_eq!(found, closest, "{name}, {:?}: {ray:?}", options.method());
-    }
-    // Whatever the ray is, its bits choose a subject.
-    let turn = ray.origin.x.to_bits() ^ ray.direction.y.to_bits() ^ ray.direction.z.to_bits();
-    let Subject { options, bvh, wide } = &subjects[turn as usize % subjects.len()];
-    let place = || format!("{name}, {:?}: {ray:?}", options.method());
-    let any = bvh.occluded(mesh, ray);
-    assert_eq!(any, closest.is_some(), "{}", place());
-    let mut found = Vec::new();
-    for max in [0, 2, usize::MAX] {
-        bvh.hits(mesh, ray, max, &mut found);
-        let first = &expected[..max.min(expected.len())];
-        assert_eq!(found, first, "first {max}, {}", place());
-    }
-    assert_eq!(wide.intersect(ray), closest, "wide, {}", place());
-    let any = wide.occluded(ray);
-    assert_eq!(any, closest.is_some(), "wide, {}", place());
-    expected.len()
+pub(crate) fn check(name: &str, mesh: &Mesh, subjects: &[Subject<'_>], ray: &Ray) -> usize {
+    let answers: Vec<&dyn Answers> = subjects.iter().map(|subject| subject as _).collect();
+    kd_oracle::check(name, mesh, &answers, ray)
 }
 
 /// Holds a hierarchy to what is promised of each: every triangle once, boxes as small as can be, nodes in depth-first order,

@@ -11,6 +11,7 @@ mod scenes;
 mod snapshots;
 mod sweep;
 mod threads;
+mod trials;
 mod watertight;
 
 use kd_oracle::rng;

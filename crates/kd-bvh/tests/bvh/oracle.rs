@@ -41,13 +41,9 @@ fn nasty_scenes() {
 }
 
 #[test]
-fn nothing_is_never_hit() {
+fn a_hierarchy_of_nothing_has_no_nodes() {
     let mesh = scenes::soup(&[]);
     let subjects = Subject::all(&mesh);
-    let good = Ray::new([0.0; 3], [1.0, 2.0, 3.0]);
-    for ray in that_cannot_hit().into_iter().chain([good]) {
-        assert_eq!(check("nothing", &mesh, &subjects, &ray), 0, "{ray:?}");
-    }
     for Subject { bvh, .. } in subjects {
         assert!(bvh.nodes().is_empty() && bvh.bounds().is_empty(), "{bvh:?}");
         let stats = bvh.stats();

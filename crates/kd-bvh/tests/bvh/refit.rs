@@ -41,7 +41,7 @@ fn moved_meshes_answer_as_brute_force() {
             bvh.refit(&now).expect("as many triangles");
             Subject::of(&now, bvh, &options)
         });
-        let subjects: Vec<Subject> = subjects.collect();
+        let subjects: Vec<Subject<'_>> = subjects.collect();
         let mut rays = check::rays(&now, &subjects, 3);
         let mut hit = 0;
         for _ in 0..3000 {

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 use kd_core::Mesh;
-pub(crate) use kd_oracle::scenes::{cube, moved, sphere};
+use kd_oracle::scenes::extreme;
+pub(crate) use kd_oracle::scenes::{coincident, confetti, cube, doubling, moved, sphere};
 use kd_scene::Spd;
 
 use crate::rng::Rng;
@@ -13,18 +14,6 @@ pub(crate) fn soup(triangles: &[[Vec3; 3]]) -> Mesh {
     let indices = (0_u32..).step_by(3).take(triangles.len());
     let indices = indices.map(|i| [i, i + 1, i + 2]).collect();
     Mesh::new(positions, indices).expect("finite, in range")
-}
-
-/// Triangles of all sizes, anywhere.
-pub(crate) fn confetti(count: usize, seed: u64) -> Mesh {
-    let mut rng = Rng(seed);
-    let triangles: Vec<[Vec3; 3]> = (0..count)
-        .map(|_| {
-            let (center, size) = (2.0 * rng.vec3(), 0.05 + 0.5 * rng.unit());
-            [(); 3].map(|()| center + size * rng.vec3())
-        })
-        .collect();
-    soup(&triangles)
 }
 
 /// Long thin triangles, down to 1e-7 of their length.
@@ -43,31 +32,6 @@ fn slivers() -> Mesh {
 /// All in the plane y = 1: boxes have no height.
 fn flat() -> Mesh {
     moved(&confetti(150, 7), |p| Vec3::new(p.x, 1.0, p.z))
-}
-
-/// Points, lines, and a few triangles that have an area.
-fn zero_area() -> Mesh {
-    let mut rng = Rng(9);
-    let triangles: Vec<[Vec3; 3]> = (0..300)
-        .map(|i| {
-            let [a, b, c] = [rng.vec3(), rng.vec3(), rng.vec3()];
-            [[a, a, a], [a, b, a], [a, b, a.midpoint(b)], [a, b, c]][(i % 16).min(3)]
-        })
-        .collect();
-    soup(&triangles)
-}
-
-/// So many times the same triangle, and one beside it.
-pub(crate) fn coincident(count: usize) -> Mesh {
-    let positions = [
-        [0.0, 0.0, 2.0],
-        [1.0, 0.0, 2.0],
-        [0.0, 1.0, 2.5],
-        [2.0, 2.0, 2.0],
-    ];
-    let mut triangles = vec![[0, 1, 2]; count];
-    triangles.push([1, 2, 3]);
-    Mesh::new(positions.to_vec(), triangles).expect("valid")
 }
 
 /// A tiny sphere on a huge floor, under a huge slope: the teapot in the stadium.
@@ -94,18 +58,6 @@ fn stadium() -> Mesh {
     Mesh::concatenated([&ball, &floor]).expect("few")
 }
 
-/// Triangles each twice as far as the last and twice as large, over all of f32: dividing in the middle parts one at a time.
-pub(crate) fn doubling() -> Mesh {
-    let triangles: Vec<[Vec3; 3]> = (-70..70)
-        .map(|power| {
-            let far = 2.0_f32.powi(power);
-            let at = |y: f32, z: f32| far * Vec3::new(1.0, y, z);
-            [at(-0.1, -0.1), at(0.1, -0.1), at(0.0, 0.2)]
-        })
-        .collect();
-    soup(&triangles)
-}
-
 /// Scenes of the SPD, by name.
 pub(crate) fn generated() -> Vec<(&'static str, Mesh)> {
     [
@@ -127,23 +79,14 @@ pub(crate) fn nasty() -> Vec<(&'static str, Mesh)> {
         Vec3::new(1.0, 0.5, 0.0),
         Vec3::new(0.0, 1.0, 1.0),
     ];
-    let confetti = confetti(250, 4);
-    vec![
+    let mut scenes = vec![
         ("one", soup(&[one])),
-        ("confetti", confetti.clone()),
+        ("confetti", confetti(250, 4)),
         ("slivers", slivers()),
         ("flat", flat()),
-        ("zero area", zero_area()),
-        ("coincident", coincident(100)),
         ("stadium", stadium()),
-        ("doubling", doubling()),
-        ("huge", moved(&confetti, |p| 1e30 * p)),
-        ("largest", moved(&confetti, |p| 1.3e38 * p)),
-        ("tiny", moved(&confetti, |p| 1e-30 * p)),
-        (
-            "far off",
-            moved(&confetti, |p| p + Vec3::new(1e5, -3e4, 7e6)),
-        ),
         ("cube", cube(4)),
-    ]
+    ];
+    scenes.extend(extreme());
+    scenes
 }

@@ -5,6 +5,6 @@ mod caps;
 mod check;
 mod oracle;
 mod properties;
-mod watertight;
+mod trials;
 
 use kd_oracle::{rng, scenes};

@@ -12,7 +12,7 @@ proptest! {
     #[test]
     fn both_agree_with_brute_force(mesh in mesh(), seed: u64) {
         let subjects = Subject::all(&mesh);
-        let mut rays = rays(&mesh, seed);
+        let mut rays = rays(&mesh, &subjects, seed);
         for _ in 0..40 {
             check("random", &mesh, &subjects, &rays.draw());
         }
@@ -38,7 +38,7 @@ proptest! {
             .with_max_depth(depth)
             .with_max_refs(refs)
             .with_small_leaf(small_leaf);
-        let subject = Subject::new(&mesh, options);
+        let subject = Subject::new(&mesh, &options);
         for stats in [subject.octree.stats(), subject.bsp.stats()] {
             prop_assert!(stats.depth <= depth as usize, "{:?}", stats);
             let most = (mesh.len() as u64).max(refs);

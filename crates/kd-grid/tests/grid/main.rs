@@ -5,4 +5,4 @@ mod hard_input;
 mod oracle;
 mod properties;
 mod subject;
-mod watertight;
+mod trials;

@@ -20,6 +20,7 @@ impl<'a> Subject<'a> {
         let options = [
             GridOptions::new(),
             GridOptions::new().with_density(40.0),
+            GridOptions::new().with_density(100.0),
             GridOptions::new()
                 .with_density(0.3)
                 .with_overlap(Overlap::Box),
@@ -61,6 +62,10 @@ impl Answers for Subject<'_> {
 
     fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         self.grid.hits(self.mesh, ray, max, out);
+    }
+
+    fn planes(&self) -> Vec<(usize, f32)> {
+        self.borders()
     }
 }
 

@@ -82,7 +82,7 @@ impl Group {
 }
 
 impl ObjectSplit {
-    /// The division of least cost; `None` where all centres are in one place.
+    /// The division of least cost; `None` where all centres are in one place, or further apart than f32 can tell.
     pub(crate) fn best(items: &[Item]) -> Option<Self> {
         if items.len() > FEW {
             Self::best_of::<BINS>(items)
@@ -114,7 +114,9 @@ impl ObjectSplit {
         let mut best: Option<Self> = None;
         for (axis, groups) in Axis::ALL.into_iter().zip(&groups) {
             let along = axis.index();
-            if !(start[along] < end[along] && per_unit[along].is_finite()) {
+            // Where differences overflow, it is 0, and all would be in one bin.
+            let is_divided = per_unit[along] > 0.0 && per_unit[along].is_finite();
+            if !(start[along] < end[along] && is_divided) {
                 continue;
             }
             let (first_upper, cost) = cheapest(groups);
@@ -218,5 +220,26 @@ mod tests {
         let split = ObjectSplit::best(&far).expect("areas overflow, places do not");
         let middle = split.apply(&mut far);
         assert!((1..9).contains(&middle), "{middle} of 9");
+    }
+
+    /// Twice the coordinate of a centre may overflow, and so may how far two are apart.
+    #[test]
+    fn what_is_too_far_apart_is_divided_along_other_axes() {
+        for far in [1e38, 3e38] {
+            let at = |y: f32| {
+                let items = (0..9).map(|i| {
+                    let x = if i % 2 == 0 { far } else { -far };
+                    cube_at(Vec3::new(x, y * i as f32, 0.0), i)
+                });
+                items.collect::<Vec<Item>>()
+            };
+            let is_divided = ObjectSplit::best(&at(0.0)).is_some();
+            assert!(!is_divided, "{far:e}: there is no other axis");
+            let mut items = at(100.0);
+            let split = ObjectSplit::best(&items).expect("along y");
+            assert_eq!(split.axis, Axis::Y, "{far:e}");
+            let middle = split.apply(&mut items);
+            assert!((1..9).contains(&middle), "{far:e}: {middle} of 9");
+        }
     }
 }

@@ -3,22 +3,24 @@
 use std::ops::Deref;
 
 use kd_core::{Hit, Mesh, NodeView, Ray, Tree};
+use kd_oracle::Answers;
 use kd_oracle::rays::Rays;
 pub(crate) use kd_oracle::source;
 use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force, lazy};
 
 use crate::cells::CutTree;
 
-/// A tree and every way to trace it.
-pub(crate) struct Subject {
+/// A tree over a mesh and every way to trace it.
+pub(crate) struct Subject<'a> {
+    mesh: &'a Mesh,
     tree: Tree,
     packed: [PackedTree; 2],
     wide: [WideTree; 3],
     cut: [CutTree; 2],
 }
 
-impl Subject {
-    pub(crate) fn new(mesh: &Mesh, tree: Tree) -> Self {
+impl<'a> Subject<'a> {
+    pub(crate) fn new(mesh: &'a Mesh, tree: Tree) -> Self {
         let packed = PackedTree::new(&tree, mesh);
         let portable = packed.clone().with_level(Level::portable());
         // Each way to make it, and each level, once: answers take long to check.
@@ -31,6 +33,7 @@ impl Subject {
             ],
             cut: CutTree::both(&tree, mesh),
             packed: [packed, portable],
+            mesh,
             tree,
         }
     }
@@ -59,11 +62,80 @@ fn joined(mesh: &Mesh) -> WideTree {
     forest.tree().clone()
 }
 
-impl Deref for Subject {
+impl Deref for Subject<'_> {
     type Target = Tree;
 
     fn deref(&self) -> &Tree {
         &self.tree
+    }
+}
+
+/// As the tree does, having made sure that every other way gives the same.
+impl Answers for Subject<'_> {
+    #[track_caller]
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let hit = kd_trace::intersect(&self.tree, self.mesh, ray);
+        for packed in &self.packed {
+            let place = || format!("packed, {}: {}", packed.level(), source(ray));
+            assert_eq!(packed.intersect(ray), hit, "closest, {}", place());
+        }
+        for wide in &self.wide {
+            let place = || format!("wide, {}: {}", wide.level(), source(ray));
+            assert_eq!(wide.intersect(ray), hit, "closest, {}", place());
+        }
+        for cut in &self.cut {
+            let found = lazy::intersect(cut, ray);
+            assert_eq!(found, hit, "closest, cut into cells: {}", source(ray));
+        }
+        hit
+    }
+
+    #[track_caller]
+    fn any(&self, ray: &Ray) -> bool {
+        let any = kd_trace::occluded(&self.tree, self.mesh, ray);
+        for packed in &self.packed {
+            let place = || format!("packed, {}: {}", packed.level(), source(ray));
+            assert_eq!(packed.occluded(ray), any, "any, {}", place());
+        }
+        for wide in &self.wide {
+            let place = || format!("wide, {}: {}", wide.level(), source(ray));
+            assert_eq!(wide.occluded(ray), any, "any, {}", place());
+        }
+        for cut in &self.cut {
+            let found = lazy::occluded(cut, ray);
+            assert_eq!(found, any, "any, cut into cells: {}", source(ray));
+        }
+        any
+    }
+
+    #[track_caller]
+    fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        kd_trace::hits(&self.tree, self.mesh, ray, max, out);
+        let mut found = Vec::new();
+        for packed in &self.packed {
+            packed.hits(ray, max, &mut found);
+            let place = || format!("packed, {}: {}", packed.level(), source(ray));
+            assert_eq!(found, *out, "first {max}, {}", place());
+        }
+        for wide in &self.wide {
+            wide.hits(ray, max, &mut found);
+            let place = || format!("wide, {}: {}", wide.level(), source(ray));
+            assert_eq!(found, *out, "first {max}, {}", place());
+        }
+        for cut in &self.cut {
+            lazy::hits(cut, ray, max, &mut found);
+            let place = || format!("cut into cells: {}", source(ray));
+            assert_eq!(found, *out, "first {max}, {}", place());
+        }
+    }
+
+    fn planes(&self) -> Vec<(usize, f32)> {
+        let nodes = self.tree.nodes().iter();
+        let planes = nodes.filter_map(|node| match node.view() {
+            NodeView::Interior { axis, split, .. } => Some((axis.index(), split)),
+            NodeView::Leaf { .. } => None,
+        });
+        planes.collect()
     }
 }
 
@@ -73,65 +145,16 @@ impl Deref for Subject {
 pub(crate) fn check<'a>(
     scene: &str,
     mesh: &Mesh,
-    trees: impl IntoIterator<Item = &'a Subject>,
+    trees: impl IntoIterator<Item = &'a Subject<'a>>,
     ray: &Ray,
 ) -> usize {
-    let mut expected = Vec::new();
-    brute_force::hits(mesh, ray, usize::MAX, &mut expected);
-    let mut found = Vec::new();
-    for (number, subject) in trees.into_iter().enumerate() {
-        let place = |way: &str| format!("{scene}, tree {number}, {way}: {}", source(ray));
-        let tree = &subject.tree;
-        let closest = kd_trace::intersect(tree, mesh, ray);
-        assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
-        let occluded = kd_trace::occluded(tree, mesh, ray);
-        assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
-        for max in [2, usize::MAX] {
-            kd_trace::hits(tree, mesh, ray, max, &mut found);
-            let first = &expected[..max.min(expected.len())];
-            assert_eq!(found, first, "{}", place("first hits"));
-        }
-        for packed in &subject.packed {
-            let place = |way: &str| place(&format!("packed, {}, {way}", packed.level()));
-            let closest = packed.intersect(ray);
-            assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
-            let occluded = packed.occluded(ray);
-            assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
-            packed.hits(ray, 2, &mut found);
-            let first = &expected[..expected.len().min(2)];
-            assert_eq!(found, first, "{}", place("first hits"));
-        }
-        for wide in &subject.wide {
-            let place = |way: &str| place(&format!("wide, {}, {way}", wide.level()));
-            let closest = wide.intersect(ray);
-            assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
-            let occluded = wide.occluded(ray);
-            assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
-            wide.hits(ray, 2, &mut found);
-            let first = &expected[..expected.len().min(2)];
-            assert_eq!(found, first, "{}", place("first hits"));
-        }
-        for cut in &subject.cut {
-            let place = |way: &str| place(&format!("cut into cells, {way}"));
-            let closest = lazy::intersect(cut, ray);
-            assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
-            let occluded = lazy::occluded(cut, ray);
-            assert_eq!(occluded, !expected.is_empty(), "{}", place("any"));
-            lazy::hits(cut, ray, 2, &mut found);
-            let first = &expected[..expected.len().min(2)];
-            assert_eq!(found, first, "{}", place("first hits"));
-        }
-    }
-    expected.len()
+    let trees: Vec<&dyn Answers> = trees.into_iter().map(|tree| tree as _).collect();
+    kd_oracle::check(scene, mesh, &trees, ray)
 }
 
 /// Rays around one mesh and the planes of its trees.
-pub(crate) fn rays<'a>(mesh: &'a Mesh, trees: &[Subject], seed: u64) -> Rays<'a> {
-    let nodes = trees.iter().flat_map(|tree| tree.nodes().iter());
-    let planes = nodes.filter_map(|node| match node.view() {
-        NodeView::Interior { axis, split, .. } => Some((axis.index(), split)),
-        NodeView::Leaf { .. } => None,
-    });
+pub(crate) fn rays<'a>(mesh: &'a Mesh, trees: &[Subject<'_>], seed: u64) -> Rays<'a> {
+    let planes = trees.iter().flat_map(Answers::planes);
     Rays::new(mesh, planes.collect(), seed)
 }
 

@@ -12,6 +12,7 @@ mod queues;
 mod random_tree;
 mod reference;
 mod tiles;
+mod trials;
 mod watertight;
 mod wide;
 

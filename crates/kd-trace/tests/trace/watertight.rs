@@ -1,27 +1,11 @@
-//! Nothing gets out of a closed mesh.
+//! What lies between two triangles belongs to both.
 
 use glam::Vec3;
 use kd_core::Ray;
-use kd_oracle::watertight::{check_closed, closed_meshes, points};
-use kd_sah::{BuildOptions, build};
+use kd_oracle::watertight::points;
 
-use crate::check::{Subject, check, source};
-use crate::random_tree::random_tree;
+use crate::check::source;
 use crate::scenes;
-
-#[test]
-fn closed_meshes_hold_every_ray() {
-    for (name, mesh, inside) in closed_meshes() {
-        let trees = [
-            build(&mesh, &BuildOptions::default()).expect("valid"),
-            random_tree(&mesh, 3),
-        ]
-        .map(|tree| Subject::new(&mesh, tree));
-        check_closed(&name, &mesh, &inside, |ray| {
-            check(&name, &mesh, &trees, ray)
-        });
-    }
-}
 
 /// Both triangles at an edge report the same place.
 #[test]

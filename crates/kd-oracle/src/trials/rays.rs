@@ -1,0 +1,379 @@
+//! One way to ask for trouble with rays each, on meshes that are plain.
+
+use glam::Vec3;
+use kd_core::{Mesh, Ray};
+use kd_trace::brute_force;
+
+use super::{Over, Subject};
+use crate::check::source;
+use crate::rays::that_cannot_hit;
+use crate::rng::Rng;
+use crate::scenes::{self, Soup};
+
+const INFINITY: f32 = f32::INFINITY;
+
+/// The square [0, 2]² at z = 0, two triangles.
+fn square() -> Mesh {
+    let corner = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+    let mut soup = Soup::default();
+    soup.quad([
+        corner(0.0, 0.0),
+        corner(2.0, 0.0),
+        corner(2.0, 2.0),
+        corner(0.0, 2.0),
+    ]);
+    soup.mesh()
+}
+
+/// Not finite, without a direction, a range or a mask; and one that hits.
+#[track_caller]
+pub fn rays_that_cannot_hit_do_not(subject: &Subject) {
+    let mesh = scenes::cube(2);
+    let cube = Over::new(subject, "cube", &mesh);
+    let good = Ray::new([0.1, 0.2, 0.3], [0.0, 0.0, 1.0]);
+    cube.expect(&good, 1);
+    for bad in that_cannot_hit() {
+        cube.expect(&bad, 0);
+    }
+}
+
+/// So short that `t` is large but finite, so long that it is tiny but not zero, and further.
+#[track_caller]
+pub fn extreme_directions(subject: &Subject) {
+    let mesh = scenes::cube(2);
+    let cube = Over::new(subject, "cube", &mesh);
+    let tiny = f32::from_bits(1);
+    for (direction, must_hit) in [
+        ([0.0, 0.0, tiny], false),
+        ([0.0, tiny, -tiny], false),
+        ([f32::MAX, 0.0, f32::MAX], false),
+        ([-f32::MAX; 3], false),
+        ([0.0, 0.0, 1e-38], true),
+        ([0.0, 0.0, f32::MAX], true),
+    ] {
+        let ray = Ray::new([0.1, 0.2, 0.3], direction);
+        let hits = cube.ask(&ray);
+        assert!(hits > 0 || !must_hit, "{}", source(&ray));
+        cube.ask(&ray.with_range(-INFINITY, INFINITY));
+    }
+}
+
+/// In the plane of both triangles of a square, across their edges and along them. The square itself is hit.
+#[track_caller]
+pub fn edge_on_triangles_are_not_hit(subject: &Subject) {
+    let mesh = square();
+    let square = Over::new(subject, "square", &mesh);
+    for ray in [
+        Ray::new([-1.0, 0.5, 0.0], [1.0, 0.0, 0.0]),
+        Ray::new([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]),
+        Ray::new([1.0, 0.5, 0.0], [0.25, 1.0, -0.0]),
+        Ray::new([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+        Ray::new([2.0, 2.0, 0.0], [0.0, -1.0, 0.0]),
+    ] {
+        square.expect(&ray, 0);
+        square.expect(&ray.with_range(-INFINITY, INFINITY), 0);
+    }
+    square.expect(&Ray::new([1.5, 0.5, 1.0], [0.0, 0.0, -1.0]), 1);
+}
+
+/// Through corners and edges of a square, and just beside them.
+#[track_caller]
+pub fn edges_and_corners_belong_to_all_their_triangles(subject: &Subject) {
+    let mesh = square();
+    let square = Over::new(subject, "square", &mesh);
+    for (point, triangles) in [
+        ([0.0, 0.0], 2),
+        ([2.0, 2.0], 2),
+        ([1.0, 1.0], 2),
+        ([2.0, 0.0], 1),
+        ([0.0, 2.0], 1),
+        ([1.0, 0.0], 1),
+        ([0.0, 0.5], 1),
+        ([1.5, 0.5], 1),
+        ([f32::from_bits(1).next_down() - f32::MIN_POSITIVE, 0.5], 0),
+        ([2.0_f32.next_up(), 0.5], 0),
+    ] {
+        for sign in [1.0, -1.0] {
+            for zero in [0.0, -0.0] {
+                let ray = Ray::new([point[0], point[1], -3.0 * sign], [zero, -zero, sign]);
+                square.expect(&ray, triangles);
+            }
+        }
+    }
+}
+
+/// The range is closed, may be a single number, and may be negative.
+#[track_caller]
+pub fn ranges_are_closed(subject: &Subject) {
+    let mesh = square();
+    let square = Over::new(subject, "square", &mesh);
+    let ray = Ray::new([1.5, 0.5, 0.3], [0.0, 0.0, -0.7]);
+    let t = brute_force::intersect(&mesh, &ray).expect("below").t;
+    for (low, high, hits) in [
+        (t, t, 1),
+        (t, INFINITY, 1),
+        (0.0, t, 1),
+        (-INFINITY, INFINITY, 1),
+        (t.next_up(), INFINITY, 0),
+        (0.0, t.next_down(), 0),
+        (-INFINITY, -0.0, 0),
+    ] {
+        square.expect(&ray.with_range(low, high), hits);
+    }
+    let behind = Ray::new(ray.origin, -ray.direction).with_range(-t, -t);
+    square.expect(&behind, 1);
+    // An origin on the surface is at t = 0.
+    let on_it = Ray::new([1.5, 0.5, 0.0], [0.3, 0.2, 1.0]);
+    for (low, high, hits) in [
+        (0.0, 0.0, 1),
+        (-0.0, 0.0, 1),
+        (0.0, -0.0, 1),
+        (f32::from_bits(1), 1.0, 0),
+    ] {
+        square.expect(&on_it.with_range(low, high), hits);
+    }
+}
+
+/// None, one, or more than there are, whatever the list held before.
+#[track_caller]
+pub fn as_many_hits_as_asked_for(subject: &Subject) {
+    let mesh = scenes::cube(2);
+    let cube = Over::new(subject, "cube", &mesh);
+    let ray = Ray::new([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]);
+    cube.expect(&ray, 2);
+    cube.expect(&ray.with_mask(0), 0);
+    let mut all = Vec::new();
+    brute_force::hits(&mesh, &ray, usize::MAX, &mut all);
+    for (number, structure) in cube.answers().into_iter().enumerate() {
+        let mut out = Vec::new();
+        for max in [9, 0, 1, 2, 0] {
+            structure.first(&ray, max, &mut out);
+            let first = &all[..max.min(2)];
+            assert_eq!(out, first, "structure {number}, at most {max}");
+        }
+        out.clone_from(&all);
+        structure.first(&ray.with_mask(0), 9, &mut out);
+        assert!(out.is_empty(), "structure {number}: they were there before");
+    }
+}
+
+/// Along every axis through every corner, every edge's middle and every lattice point, with zeros of both signs.
+#[track_caller]
+pub fn rays_along_axes_through_everything(subject: &Subject) {
+    for (name, mesh) in [("cube", scenes::cube(2)), ("room", scenes::room())] {
+        let over = Over::new(subject, name, &mesh);
+        let bounds = mesh.bounds();
+        let mut points: Vec<Vec3> = mesh.positions().iter().map(|&p| p.into()).collect();
+        for triangle in 0..u32::try_from(mesh.len()).expect("small") {
+            let [a, b, c] = mesh.corners(triangle);
+            points.extend([a.midpoint(b), b.midpoint(c), (a + b + c) / 3.0]);
+        }
+        points.sort_by(|a, b| a.to_array().partial_cmp(&b.to_array()).expect("finite"));
+        points.dedup();
+        let (mut rays, mut hit) = (0, 0);
+        for point in points {
+            for axis in 0..3 {
+                for sign in [1.0, -1.0] {
+                    // From outside, from a face of the box, from the point itself.
+                    let outside = bounds.center()[axis] - 10.0 * sign;
+                    let face = if sign > 0.0 { bounds.min } else { bounds.max }[axis];
+                    for start in [outside, face, point[axis]] {
+                        let mut origin = point;
+                        origin[axis] = start;
+                        let mut direction = Vec3::new(0.0, -0.0, 0.0);
+                        direction[axis] = sign;
+                        rays += 1;
+                        hit += usize::from(over.ask(&Ray::new(origin, direction)) > 0);
+                    }
+                }
+            }
+        }
+        assert!(10 * hit > 3 * rays, "{name}: {hit} of {rays}");
+    }
+}
+
+/// Along axes from anywhere between triangles, with zeros of both signs, and pieces that end before or behind what they meet.
+#[track_caller]
+pub fn along_an_axis_and_past_its_end(subject: &Subject) {
+    let mesh = scenes::soup();
+    let soup = Over::new(subject, "soup", &mesh);
+    let mut rng = Rng(43);
+    let mut hits = 0;
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        for sign in [1.0, -1.0] {
+            for _ in 0..60 {
+                let ray = Ray::new(rng.vec3(), sign * axis);
+                hits += soup.ask(&ray);
+                let negative_zeros = Ray::new(ray.origin, ray.direction + Vec3::splat(-0.0));
+                hits += soup.ask(&negative_zeros);
+                let segment = ray.with_range(rng.unit(), 1.0 + rng.unit());
+                hits += soup.ask(&segment);
+            }
+        }
+    }
+    assert!(hits > 200, "{hits} hits");
+}
+
+/// Nearly parallel to planes, grazing along faces.
+#[track_caller]
+pub fn grazing_rays(subject: &Subject) {
+    let mesh = scenes::room();
+    let room = Over::new(subject, "room", &mesh);
+    let (mut rays, mut hit) = (0, 0);
+    let tilts = [
+        0.0, -0.0, 1e-45, -1e-38, 1e-30, 1e-19, -1e-18, 1e-12, -1e-7, 1e-5,
+    ];
+    for lattice in 0..9 {
+        for tilt in tilts {
+            for axis in 0..3 {
+                let mut origin = Vec3::new(0.3, 1.7, 2.1);
+                let mut direction = Vec3::new(0.6, 1.0, -0.4);
+                for nudge in [0.0, 1e-7, -1e-7, 1e-5] {
+                    origin[axis] = lattice as f32 + nudge;
+                    direction[axis] = tilt;
+                    let ray = Ray::new(origin, direction).with_range(-INFINITY, INFINITY);
+                    rays += 1;
+                    hit += usize::from(room.ask(&ray) > 0);
+                }
+            }
+        }
+    }
+    assert!(10 * hit > 3 * rays, "{hit} of {rays}");
+}
+
+/// Along an axis, from up to where f32 ends. All of them hit.
+#[track_caller]
+pub fn rays_from_anywhere(subject: &Subject) {
+    let mesh = scenes::room();
+    let room = Over::new(subject, "room", &mesh);
+    for distance in [1e3_f32, 1e6, 1e8, 1e9, 1e12, 1e20, 1e30, 1e38] {
+        for number in 0..200 {
+            let mut origin = Vec3::new(0.03, 0.02, 0.01) * number as f32 + 0.5;
+            let mut direction = Vec3::new(0.0, 1e-45, -0.0);
+            origin[number % 3] = -distance;
+            direction[number % 3] = 1.0;
+            let ray = Ray::new(origin, direction);
+            assert!(room.ask(&ray) > 0, "{}", source(&ray));
+        }
+    }
+}
+
+/// Rounding corners to 26 bits lets a ray that passes an edge at 1.4e-8 hit. Planes beside the edge, an octree's and those of
+/// other triangles, cut out cells around the ray that the triangle does not reach into: only their slack finds it.
+#[track_caller]
+pub fn a_hit_beside_its_triangle(subject: &Subject) {
+    for axis in 0..3 {
+        let turned = |x: f32, y: f32, z: f32| {
+            let mut p = Vec3::ZERO;
+            p[axis] = x;
+            p[(axis + 1) % 3] = y;
+            p[(axis + 2) % 3] = z;
+            p
+        };
+        let mut soup = Soup::default();
+        // One edge runs through the middle of the box.
+        soup.triangle([
+            turned(-1.1, -0.75, 0.0),
+            turned(1.1, 0.75, 0.0),
+            turned(-1.1, 0.75, 0.0),
+        ]);
+        // The planes of these are those of the box's middle.
+        for height in [-1.0, 1.0] {
+            let (low, high) = (0.5 * height, height);
+            let [p, q] = [turned(0.0, -0.75, low), turned(0.0, 0.75, low)];
+            soup.triangle([p, q, turned(0.0, 0.0, high)]);
+            let [p, q] = [turned(-1.1, 0.0, low), turned(1.1, 0.0, low)];
+            soup.triangle([p, q, turned(0.0, 0.0, high)]);
+        }
+        let mesh = soup.mesh();
+        let beside = Over::new(subject, "beside", &mesh);
+        for sign in [1.0, -1.0] {
+            for x in [1.4e-8, 1e-9] {
+                let ray = Ray::new(turned(x, 0.0, -3.0 * sign), turned(0.0, 0.0, sign));
+                assert!(beside.ask(&ray) > 0, "{}", source(&ray));
+            }
+            // Further away there is none.
+            let ray = Ray::new(turned(1e-3, 0.0, -3.0 * sign), turned(0.0, 0.0, sign));
+            beside.ask(&ray);
+        }
+    }
+}
+
+/// Such hits at the edges of the box around all there is, by rays that run outside of it all the way.
+#[track_caller]
+pub fn hits_from_outside_the_box(subject: &Subject) {
+    let mut rng = Rng(44);
+    let mut hits = 0;
+    for axis in 0..3 {
+        for (sign_x, sign_y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            // To an edge of the box at (0, 0), where f32 can tell the least distances.
+            let turned = |x: f32, y: f32, z: f32| {
+                let mut p = Vec3::ZERO;
+                p[axis] = z;
+                p[(axis + 1) % 3] = sign_x * x;
+                p[(axis + 2) % 3] = sign_y * y;
+                p
+            };
+            // Each of these has the middle of the edge, and they fill the box.
+            let mut soup = Soup::default();
+            for fan in 0..9 {
+                let far = turned(0.125 * fan as f32 - 1.0, -0.125 * fan as f32, 0.0);
+                soup.triangle([turned(0.0, 0.0, -1.0), turned(0.0, 0.0, 1.0), far]);
+            }
+            let mesh = soup.mesh();
+            let fan = Over::new(subject, "fan", &mesh);
+            for _ in 0..1000 {
+                // Past the edge: beyond it along x from there on, and along y before.
+                let (x, y) = (rng.between(0.0, 3e-9), rng.between(0.0, 3e-9));
+                let origin = turned(x, y, rng.between(-0.9, 0.9));
+                let (dx, dy) = (rng.between(0.1, 0.9), rng.between(-0.9, -0.1));
+                let ray = Ray::new(origin, turned(dx, dy, 1.0));
+                hits += usize::from(fan.ask(&ray.with_range(-INFINITY, INFINITY)) > 0);
+            }
+            let beside = Ray::new(turned(1e-3, 1e-3, 0.0), turned(0.5, -0.5, 1.0));
+            fan.expect(&beside.with_range(-INFINITY, INFINITY), 0);
+        }
+    }
+    assert!(hits > 1000, "{hits} of 12000");
+}
+
+/// Within a face of the box around all there is but for so little that it is nothing beside the size of the box, and out of it
+/// before the last of what they could hit, or into it before the first.
+#[track_caller]
+pub fn rays_almost_in_a_face(subject: &Subject) {
+    let mut rng = Rng(45);
+    let mut hits = 0;
+    for axis in 0..3 {
+        for sign in [1.0, -1.0] {
+            // y goes along the axis, and to a face of the box at 0.
+            let turned = |x: f32, y: f32, z: f32| {
+                let mut p = Vec3::ZERO;
+                p[axis] = sign * y;
+                p[(axis + 1) % 3] = x;
+                p[(axis + 2) % 3] = z;
+                p
+            };
+            // Sheets one behind the other, all of which have an edge in the face.
+            let mut soup = Soup::default();
+            for sheet in 0..9 {
+                let x = 0.25 * sheet as f32 - 1.0;
+                let corners = [(0.0, -1.0), (0.0, 1.0), (-1.0, 0.0)];
+                soup.triangle(corners.map(|(y, z)| turned(x, y, z)));
+            }
+            let mesh = soup.mesh();
+            let sheets = Over::new(subject, "sheets", &mesh);
+            for _ in 0..400 {
+                // Through the face between the first sheet and the last.
+                let (exit, z) = (rng.between(-0.9, 0.9), rng.between(-0.9, 0.9));
+                let start = rng.pick(&[-1.5, -1.5, -30.0, -1e3, -1e6, -6e7]);
+                let slope = rng.pick(&[1e-9, 1e-12, 1e-15, 1e-17, 1e-20, 1e-30]);
+                let slope = slope * rng.pick(&[1.0, -1.0]);
+                let origin = turned(start, slope * (start - exit), z);
+                hits += sheets.ask(&Ray::new(origin, turned(1.0, slope, 0.0)));
+            }
+            let above = Ray::new(turned(-2.0, 1e-3, 0.0), turned(1.0, 0.0, 0.0));
+            sheets.expect(&above, 0);
+        }
+    }
+    assert!(hits > 6000, "{hits} by 2400 rays");
+}
