@@ -17,8 +17,9 @@
 //! Triangles are entered in all cells within 2⁻²⁰ W of their boxes. With R ≤ 2²⁶ W all of the above together are less than
 //! 2⁻²² W. From further away, every triangle is tested.
 //!
-//! At the faces of the grid, P may lie in it where the ray does not: the walk stays in the last layer until the ray has left the
-//! box enlarged by the same 2⁻²⁰ W.
+//! At the faces of the grid, P may lie in it where the ray does not, so the ray is followed through the box enlarged by the same
+//! 2⁻²⁰ W. And along a ray that is nearly in a face, an error of 2⁻³⁵ W in place may be any distance: where it seems to leave
+//! the grid, the walk stays in the last layer until it has left that box.
 
 use std::ops::ControlFlow;
 
@@ -187,7 +188,7 @@ impl Way {
                 self.cell = self.cell.wrapping_add(self.stride[axis]);
                 return true;
             }
-            // Out of the grid by less than the ray may be off: it stays in the last layer.
+            // Out of the grid, or so it seems: it stays in the last layer.
             self.next[axis] = f64::INFINITY;
         }
     }

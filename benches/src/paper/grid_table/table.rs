@@ -158,13 +158,17 @@ fn line(ratios: &[Ratios]) -> String {
         .iter()
         .filter_map(|ratios| ratios.rays_each)
         .collect();
+    let middle = if critical.is_empty() {
+        "–".to_owned()
+    } else {
+        format!("{:.2}", median(&critical))
+    };
     format!(
-        "T_H / T_G {:.1}, t_G / t_H {:.2} on average, R_C per triangle {:.2} in the middle, {} of {} scenes have one; a grid \
+        "T_H / T_G {:.1}, t_G / t_H {:.2} on average, R_C per triangle {middle} in the middle, {} of {} scenes have one; a grid \
          thrown away slows the build by {slow:.1} % ({least_slow:.1}-{most_slow:.1}), one kept answers log2 N rays {speed:.2} \
          times as soon ({least_speed:.2}-{most_speed:.2})",
         range(&|ratios| ratios.build).0,
         range(&|ratios| ratios.ray).0,
-        median(&critical),
         critical.len(),
         ratios.len(),
     )
