@@ -3,6 +3,7 @@
 mod rays;
 
 use std::sync::Arc;
+use std::thread;
 
 use fastrand::Rng;
 use kd::glam::Vec3;
@@ -76,50 +77,56 @@ fn rays_on_planes(mesh: &Mesh, options: &BuildOptions, count: usize, seed: u64) 
 
 #[test]
 fn every_query_equals_brute_force() {
+    thread::scope(|scope| {
+        for (scene, size) in SCENES {
+            scope.spawn(move || every_query_of_a_scene_equals_brute_force(scene, size));
+        }
+    });
+}
+
+fn every_query_of_a_scene_equals_brute_force(scene: Spd, size: u32) {
     let (mut found, mut all) = (Vec::new(), Vec::new());
-    for (scene, size) in SCENES {
-        let mesh = mesh_of(scene, size);
-        let mut rays = rays_for(&mesh, RAYS, 1);
-        let half = RAYS_ON_PLANES / 2;
-        rays.extend(rays_on_planes(&mesh, &BuildOptions::best(), half, 2));
-        rays.extend(rays_on_planes(&mesh, &BuildOptions::fast(), half, 3));
-        let expected: Vec<Option<Hit>> = rays
-            .iter()
-            .map(|ray| brute_force::intersect(&mesh, ray))
-            .collect();
-        let hit = expected.iter().flatten().count();
-        assert!(10 * hit >= 3 * rays.len(), "{}: {hit} hit", scene.name());
-        for (builder, options) in builders() {
-            let what = format!("{} by {builder}", scene.name());
-            // One tree for each query, so that each finds cells that nobody has opened.
-            let [closest, any, ordered] =
-                [(); 3].map(|()| LazyTree::new(Arc::clone(&mesh), &options).expect("valid"));
-            let mut hits = vec![None; rays.len()];
-            closest.intersect_batch(&rays, &mut hits);
-            let mut occluded = vec![false; rays.len()];
-            any.occluded_batch(&rays, &mut occluded);
-            for (i, (ray, expected)) in rays.iter().zip(&expected).enumerate() {
-                assert_eq!(hits[i], *expected, "{what}: closest hit of {ray:?}");
-                let is_hit = expected.is_some();
-                assert_eq!(occluded[i], is_hit, "{what}: any hit of {ray:?}");
-                if let Some(hit) = expected {
-                    // A range that ends at the hit holds it, and one that ends just before it holds nothing.
-                    let until = ray.with_range(ray.t_min, hit.t);
-                    assert_eq!(any.intersect(&until), Some(*hit), "{what}: {until:?}");
-                    let before = ray.with_range(ray.t_min, hit.t.next_down());
-                    assert!(!closest.occluded(&before), "{what}: {before:?}");
-                }
+    let mesh = mesh_of(scene, size);
+    let mut rays = rays_for(&mesh, RAYS, 1);
+    let half = RAYS_ON_PLANES / 2;
+    rays.extend(rays_on_planes(&mesh, &BuildOptions::best(), half, 2));
+    rays.extend(rays_on_planes(&mesh, &BuildOptions::fast(), half, 3));
+    let expected: Vec<Option<Hit>> = rays
+        .iter()
+        .map(|ray| brute_force::intersect(&mesh, ray))
+        .collect();
+    let hit = expected.iter().flatten().count();
+    assert!(10 * hit >= 3 * rays.len(), "{}: {hit} hit", scene.name());
+    for (builder, options) in builders() {
+        let what = format!("{} by {builder}", scene.name());
+        // One tree for each query, so that each finds cells that nobody has opened.
+        let [closest, any, ordered] =
+            [(); 3].map(|()| LazyTree::new(Arc::clone(&mesh), &options).expect("valid"));
+        let mut hits = vec![None; rays.len()];
+        closest.intersect_batch(&rays, &mut hits);
+        let mut occluded = vec![false; rays.len()];
+        any.occluded_batch(&rays, &mut occluded);
+        for (i, (ray, expected)) in rays.iter().zip(&expected).enumerate() {
+            assert_eq!(hits[i], *expected, "{what}: closest hit of {ray:?}");
+            let is_hit = expected.is_some();
+            assert_eq!(occluded[i], is_hit, "{what}: any hit of {ray:?}");
+            if let Some(hit) = expected {
+                // A range that ends at the hit holds it, and one that ends just before it holds nothing.
+                let until = ray.with_range(ray.t_min, hit.t);
+                assert_eq!(any.intersect(&until), Some(*hit), "{what}: {until:?}");
+                let before = ray.with_range(ray.t_min, hit.t.next_down());
+                assert!(!closest.occluded(&before), "{what}: {before:?}");
             }
-            for (i, ray) in rays.iter().enumerate().step_by(49) {
-                let max = [1, 2, 4, usize::MAX][i % 4];
-                ordered.hits(ray, max, &mut found);
-                brute_force::hits(&mesh, ray, max, &mut all);
-                assert_eq!(found, all, "{what}: first {max} hits of {ray:?}");
-            }
-            for tree in [closest, any, ordered] {
-                let opened = tree.opened();
-                assert!(opened > 20, "{what}: only {opened} cells were opened");
-            }
+        }
+        for (i, ray) in rays.iter().enumerate().step_by(49) {
+            let max = [1, 2, 4, usize::MAX][i % 4];
+            ordered.hits(ray, max, &mut found);
+            brute_force::hits(&mesh, ray, max, &mut all);
+            assert_eq!(found, all, "{what}: first {max} hits of {ray:?}");
+        }
+        for tree in [closest, any, ordered] {
+            let opened = tree.opened();
+            assert!(opened > 20, "{what}: only {opened} cells were opened");
         }
     }
 }
@@ -148,7 +155,7 @@ fn threads_that_open_cells_at_once_get_the_same_answers() {
                     );
                 }
             };
-            std::thread::scope(|scope| {
+            thread::scope(|scope| {
                 for thread in 0..THREADS {
                     scope.spawn(move || trace(thread));
                 }

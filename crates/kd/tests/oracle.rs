@@ -4,6 +4,7 @@
 mod rays;
 
 use std::sync::Arc;
+use std::thread;
 
 use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Method, Ray};
 use kd_scene::Spd;
@@ -71,24 +72,30 @@ fn builders() -> Vec<(&'static str, BuildOptions)> {
 
 #[test]
 fn every_query_on_every_scene_equals_brute_force() {
-    for (scene, size, count) in SCENES {
-        let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
-        let rays = rays_for(&mesh, count, 1);
-        let expected: Vec<Option<Hit>> = rays
-            .iter()
-            .map(|ray| brute_force::intersect(&mesh, ray))
-            .collect();
-        let hits = expected.iter().flatten().count();
-        assert!(
-            10 * hits >= 3 * count,
-            "{}: only {hits} of {count} rays hit",
-            scene.name()
-        );
-        for (builder, options) in builders() {
-            let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
-            let what = format!("{} by {builder}", scene.name());
-            check(&tree, &rays, &expected, &what);
+    thread::scope(|scope| {
+        for (scene, size, count) in SCENES {
+            scope.spawn(move || every_query_equals_brute_force(scene, size, count));
         }
+    });
+}
+
+fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
+    let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+    let rays = rays_for(&mesh, count, 1);
+    let expected: Vec<Option<Hit>> = rays
+        .iter()
+        .map(|ray| brute_force::intersect(&mesh, ray))
+        .collect();
+    let hits = expected.iter().flatten().count();
+    assert!(
+        10 * hits >= 3 * count,
+        "{}: only {hits} of {count} rays hit",
+        scene.name()
+    );
+    for (builder, options) in builders() {
+        let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
+        let what = format!("{} by {builder}", scene.name());
+        check(&tree, &rays, &expected, &what);
     }
 }
 

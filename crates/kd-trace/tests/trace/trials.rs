@@ -38,8 +38,8 @@ fn run(name: &str, trial: Trial) {
     let (build, rays): (trials::Build, _) = match name {
         "closed_meshes_hold_every_ray" => (two_trees, 0),
         // There are more in `oracle.rs`.
-        "nasty_scenes" => (two_trees, 5_000),
-        "scales_and_offsets" => (trees, 15_000),
+        "nasty_scenes" | "extreme_scenes" => (two_trees, 5_000),
+        "scales_and_offsets" => (trees, 3_000),
         _ => (trees, 5_000),
     };
     let points = usize::MAX;
