@@ -20,7 +20,7 @@ use crate::overlap::{for_each_cell, for_each_cell_met, is_worth_a_test};
 use crate::small_boxes::SmallBoxes;
 
 /// Meshes of fewer triangles are built about as soon as another thread is awake.
-const FEW: usize = 1 << 14;
+const FEW: usize = 1 << 15;
 
 /// What a build gives.
 #[derive(Clone, Debug)]
