@@ -35,6 +35,7 @@ mod estimate;
 mod linear;
 mod machine;
 pub mod paper;
+pub mod sample;
 mod times;
 
 pub use calibration::{Calibration, CalibrationError, Features, MeasuredScene, RayScheme};

@@ -81,8 +81,8 @@ impl Accel {
     /// library: measured on another machine, of which ratios to the grid's times are used; and times, as far as they tell other
     /// structures apart, where no grid is tried.
     ///
-    /// Builds what it chooses on all cores. A grid that is tried and not kept takes up to twice the time of building it on one
-    /// thread, the sample included, beside what is chosen; none is tried where there are many rays for each triangle.
+    /// Builds what it chooses on all cores. A grid that is tried and not kept takes the time of building it on one thread, and
+    /// a quarter more for a sample of rays, beside what is chosen; none is tried where there are many rays for each triangle.
     ///
     /// # Errors
     ///

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use kd::{BuildOptions, Hit, LazyTree, Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
+use kd_select::sample::{FEWEST_RUNS, MOST_OF_BUILD, spread_evenly};
 use kd_select::{Features, MeasuredScene, Opening, RayScheme, Structure as Kind, Times};
 
 use super::PaperArgs;
@@ -32,6 +33,15 @@ pub(super) struct Measured {
     pub(super) scene: MeasuredScene,
     /// What the decision knows of the grid: how long it took to build, and what a ray of the sample took, each once.
     pub(super) sampled_grid: Times,
+    /// What the sample took, of so many rays.
+    pub(super) sample: Sample,
+}
+
+/// Rays that a grid was tried on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sample {
+    pub(super) rays: f64,
+    pub(super) seconds: f64,
 }
 
 /// Rays of a sample: the paper takes 100 to 1000.
@@ -102,12 +112,13 @@ impl Measured {
         times.expect("every structure is measured on every scene")
     }
 
-    /// What trying the grid takes, before so many rays are asked: no more of them than an eighth of those, and no longer than it
-    /// took to build, as `Accel` does it.
+    /// What trying the grid takes, before so many rays are asked: no more of them than an eighth of those, as `Accel` does it.
     pub(super) fn sample_seconds(&self, rays: f64) -> f64 {
-        let sample = (SAMPLE as f64).min(rays / 8.0);
-        let grid = self.times(Kind::Grid);
-        (sample * self.sampled_grid.ray_seconds).min(grid.build_seconds)
+        let Sample {
+            rays: most,
+            seconds,
+        } = self.sample;
+        seconds * (rays / 8.0 / most).min(1.0)
     }
 }
 
@@ -138,7 +149,7 @@ pub(super) fn measure(
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
     // Those of the last run.
-    let mut sampled_grids = [Times::new(0.0, 0.0); 2];
+    let mut sampled = [(Times::new(0.0, 0.0), Sample::default()); 2];
     let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
     for repeat in 0..settings.repeats {
@@ -151,11 +162,9 @@ pub(super) fn measure(
             let mut answers = [Answered::default(), Answered::default()];
             for (number, rays) in kinds.iter().enumerate() {
                 if *kind == Kind::Grid {
-                    let (first, rest) = rays.spread(SAMPLE).quarter();
-                    seconds_of(structure, &first, &mut Answered::default());
-                    let seconds = seconds_of(structure, &rest, &mut Answered::default());
-                    let ray_seconds = seconds / rest.len() as f64;
-                    sampled_grids[number] = Times::new(built.seconds, ray_seconds);
+                    let most_seconds = MOST_OF_BUILD * built.seconds;
+                    let (ray_seconds, sample) = try_grid(structure, rays, most_seconds);
+                    sampled[number] = (Times::new(built.seconds, ray_seconds), sample);
                 }
                 let seconds = seconds_of(structure, rays, &mut answers[number]);
                 of_kind.rays[number].push(seconds);
@@ -184,7 +193,8 @@ pub(super) fn measure(
         times.insert(Kind::Lazy, middle(&lazy[number]));
         Measured {
             family: loaded.family.clone(),
-            sampled_grid: sampled_grids[number],
+            sampled_grid: sampled[number].0,
+            sample: sampled[number].1,
             scene: MeasuredScene {
                 scene: loaded.name.clone(),
                 rays: scheme,
@@ -194,6 +204,32 @@ pub(super) fn measure(
         }
     });
     Ok(measured.collect())
+}
+
+/// What a ray takes by a sample, run by run until so many seconds are spent, as `Accel` does it: the first run warms up.
+fn try_grid(structure: &dyn Structure, rays: &Rays, most_seconds: f64) -> (f64, Sample) {
+    let runs = rays.spread(SAMPLE).runs();
+    let (mut sample, mut warm) = (Sample::default(), Sample::default());
+    for (asked, place) in spread_evenly(runs.len()).enumerate() {
+        if asked >= FEWEST_RUNS && sample.seconds > most_seconds {
+            break;
+        }
+        let run = &runs[place];
+        let seconds = seconds_of(structure, run, &mut Answered::default());
+        if asked > 0 {
+            warm.add(run, seconds);
+        }
+        sample.add(run, seconds);
+    }
+    let told = if warm.rays > 0.0 { warm } else { sample };
+    (told.seconds / told.rays, sample)
+}
+
+impl Sample {
+    fn add(&mut self, rays: &Rays, seconds: f64) {
+        self.rays += rays.len() as f64;
+        self.seconds += seconds;
+    }
 }
 
 fn seconds_of(structure: &dyn Structure, rays: &Rays, answers: &mut Answered) -> f64 {
@@ -286,6 +322,10 @@ pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
         Measured {
             family: format!("{}", number / 2),
             sampled_grid: grid,
+            sample: Sample {
+                rays: 100.0,
+                seconds: 100.0 * grid.ray_seconds,
+            },
             scene: MeasuredScene {
                 scene: format!("{}-{}", number / 2, number % 2),
                 rays: scheme,

@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use kd::{BuildOptions, Hit, Ray, Strategy};
 use kd_render::{FrameTracer, PartHit, RenderMethod, RenderOptions, Stage, Tracer, render};
 use kd_scene::SceneDescription;
+use kd_select::sample::RUN;
 use rayon::ThreadPoolBuilder;
 
 use super::scenes::Loaded;
@@ -54,22 +55,17 @@ impl Rays {
         }
     }
 
-    /// The first quarter, and the rest.
-    pub(super) fn quarter(&self) -> (Self, Self) {
-        let halves = |rays: &[Ray]| {
-            let (first, rest) = rays.split_at(rays.len() / 4);
-            (first.to_vec(), rest.to_vec())
-        };
-        let (closest, any) = (halves(&self.closest), halves(&self.any));
-        let first = Self {
-            closest: closest.0,
-            any: any.0,
-        };
-        let rest = Self {
-            closest: closest.1,
-            any: any.1,
-        };
-        (first, rest)
+    /// In runs of a few neighbours.
+    pub(super) fn runs(&self) -> Vec<Self> {
+        let closest = self.closest.chunks(RUN).map(|rays| Self {
+            closest: rays.to_vec(),
+            any: Vec::new(),
+        });
+        let any = self.any.chunks(RUN).map(|rays| Self {
+            closest: Vec::new(),
+            any: rays.to_vec(),
+        });
+        closest.chain(any).collect()
     }
 }
 

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use kd_core::{Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
+use kd_select::sample::{FEWEST_RUNS, MOST_OF_BUILD, RUN, spread_evenly};
 use kd_select::{Calibration, Choice, Estimator, Features, RayScheme, Structure, Times};
 
 use super::{Accel, AccelError, Built, RayBudget};
@@ -121,10 +122,11 @@ pub(super) fn choose(
         });
     }
     let sample = budget.sample(&mesh.bounds());
-    // No longer than the grid took to build, and not with more rays than an eighth of those to come: it is to save time.
+    // Not with more rays than an eighth of those to come.
     let most = usize::try_from(budget.count() / 8).unwrap_or(usize::MAX);
     let sample = &sample[..sample.len().min(most)];
-    let tried = try_grid(&grid, &mesh, sample, build_seconds.unwrap_or(f64::INFINITY));
+    let most_seconds = build_seconds.map_or(f64::INFINITY, |seconds| MOST_OF_BUILD * seconds);
+    let tried = try_grid(&grid, &mesh, sample, most_seconds);
     let features = Features::new(&grid.stats(), tried.hit_share);
     let measured = build_seconds.zip(tried.ray_seconds);
     let times = measured.map_or_else(
@@ -176,31 +178,31 @@ struct Tried {
     hit_share: f64,
 }
 
-/// Step 2, run by run of the sample, until so many seconds are spent. The first run warms up, if there are others.
-fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray], seconds: f64) -> Tried {
-    const RUN: usize = 32;
+/// Step 2, run by run of the sample, from all over it, until so many seconds are spent. The first run warms up, if there are others.
+fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray], most_seconds: f64) -> Tried {
+    let runs: Vec<&[Ray]> = sample.chunks(RUN).collect();
     let (mut hits, mut traced, mut spent) = (0, 0, 0.0);
     let mut ray_seconds = None;
     let mut warm = (0, 0.0);
-    for run in sample.chunks(RUN) {
+    for (asked, place) in spread_evenly(runs.len()).enumerate() {
+        if asked >= FEWEST_RUNS && spent > most_seconds {
+            break;
+        }
+        let run = runs[place];
         let (hit, taken) = timed(|| {
             let hits = run.iter().filter(|ray| grid.intersect(mesh, ray).is_some());
             hits.count()
         });
-        let is_first = traced == 0;
         hits += hit;
         traced += run.len();
         if let Some(taken) = taken {
             spent += taken;
-            if is_first {
+            if asked == 0 {
                 ray_seconds = Some(taken / run.len() as f64);
             } else {
                 warm = (warm.0 + run.len(), warm.1 + taken);
                 ray_seconds = Some(warm.1 / warm.0 as f64);
             }
-        }
-        if spent > seconds {
-            break;
         }
     }
     Tried {
