@@ -170,7 +170,11 @@ fn once_built(scene: &Measured) -> Option<f64> {
 pub(super) fn to_svg(estimates: &[Estimates; 2]) -> anyhow::Result<String> {
     let mut lines = Vec::new();
     for of_scheme in estimates {
-        let rays = name(of_scheme.scheme);
+        // Short, since names stand beside the plot.
+        let rays = match of_scheme.scheme {
+            RayScheme::Random => "random",
+            RayScheme::Path => "paths",
+        };
         let line = |what: &str, values: &[[f64; 2]], which: usize| {
             let points = (1..)
                 .zip(values)
@@ -207,10 +211,7 @@ mod tests {
         }
         assert_eq!(estimates.missed, [0.0; 2], "{estimates:?}");
         let svg = to_svg(&[estimates.clone(), estimates]).expect("drawn");
-        assert!(
-            svg.contains("path-traced, widened"),
-            "the names of its lines"
-        );
+        assert!(svg.contains("paths, widened"), "the names of its lines");
         let none = Estimates::of(&[], RayScheme::Random, 40).summary(RayScheme::Random);
         assert!(none.contains("too few scenes"), "{none}");
     }
