@@ -1,7 +1,7 @@
 //! For tests of whatever answers rays: small meshes that are nasty, each in its own way, rays that ask for trouble, and
 //! whether the answers are those of testing every triangle, to the bit.
 //!
-//! What all structures are put through are [`trials`]. Only tests depend on this crate.
+//! What all structures are put through are [`trials`](mod@trials). Only tests depend on this crate.
 //!
 //! ```
 //! use kd_core::{Hit, Mesh, Ray};
