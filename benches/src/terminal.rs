@@ -29,10 +29,12 @@ pub(crate) fn table(records: &[Record]) -> String {
 
 /// Says what was wrong; true if nothing was.
 pub(crate) fn tell_problems<'a>(problems: impl IntoIterator<Item = &'a String>) -> bool {
-    let told = problems
-        .into_iter()
-        .inspect(|problem| eprintln!("FAILED: {problem}"));
-    told.count() == 0
+    let mut are_none = true;
+    for problem in problems {
+        eprintln!("FAILED: {problem}");
+        are_none = false;
+    }
+    are_none
 }
 
 /// A table with a head and no rows yet.

@@ -681,6 +681,7 @@ fn to_lines(
                 "rebuild_fast_ms": figures.rebuild_ms[2],
                 "rebuild_trace_ms": figures.rebuild_trace_ms,
                 "grid_build_ms": figures.grid.build_ms,
+                "grid_build_over_auto_update": figures.grid.updates,
                 "grid_trace_over_best": figures.grid.trace,
             });
             let fields = ours.as_object_mut().context("an object")?;

@@ -19,7 +19,7 @@ use crate::options::{BuildError, GridOptions, Overlap};
 use crate::overlap::{for_each_cell, for_each_cell_met, is_worth_a_test};
 use crate::small_boxes::SmallBoxes;
 
-/// Meshes of fewer triangles are built about as soon as another thread is awake.
+/// Meshes of no more triangles are built about as soon as another thread is awake.
 const FEW: usize = 1 << 15;
 
 /// What a build gives.
@@ -50,15 +50,17 @@ struct Scratch {
 
 pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, BuildError> {
     options.check(mesh.len())?;
-    let cells = kd_tasks::with_threads(options.threads, || {
-        let build = Build {
-            mesh,
-            overlap: options.overlap,
-            is_parallel: options.threads != 1 && mesh.len() > FEW,
-        };
-        build.cells(options)
-    });
-    Ok(cells?)
+    let build = Build {
+        mesh,
+        overlap: options.overlap,
+        is_parallel: options.threads != 1 && mesh.len() > FEW,
+    };
+    let threads = if build.is_parallel {
+        options.threads
+    } else {
+        1
+    };
+    Ok(kd_tasks::with_threads(threads, || build.cells(options))?)
 }
 
 struct Build<'a> {
@@ -104,10 +106,13 @@ impl Build<'_> {
     fn chunks(&self, lattice: &Lattice, slabs: Slabs, limit: u64) -> Option<Vec<Chunk>> {
         let small = SmallBoxes::new(lattice.strides);
         let starts: Vec<usize> = (0..self.mesh.len()).step_by(CHUNK).collect();
-        // Whether the sum of all is beyond the limit does not depend on who adds first.
+        // Whether the sum of all is beyond the limit does not depend on who adds first: it only grows, and the last one sees all.
         let cells = AtomicU64::new(0);
         let chunks =
             kd_tasks::map_in_place(starts, self.is_parallel, |scratch: &mut Scratch, start| {
+                if cells.load(Ordering::Relaxed) > limit {
+                    return None;
+                }
                 let triangles = start..self.mesh.len().min(start + CHUNK);
                 let own = self.cover(lattice, triangles.clone(), &mut scratch.covers);
                 if cells.fetch_add(own, Ordering::Relaxed) + own > limit {

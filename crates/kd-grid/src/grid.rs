@@ -25,8 +25,9 @@ pub struct UniformGrid {
 impl UniformGrid {
     /// Builds a grid over a mesh.
     ///
-    /// Time is linear in the triangles, the cells and the references. While it is built, a
-    /// reference takes 4 bytes more.
+    /// Time is linear in the triangles, the cells and the references. For memory while it is
+    /// built, see [`GridOptions::with_max_refs`]; 4 bytes more are taken for each thousand triangles and slab of cells, of which
+    /// there are eight for each thread or one for each million cells.
     ///
     /// # Errors
     ///

@@ -9,8 +9,8 @@ use thiserror::Error;
 pub enum Overlap {
     /// All that its box meets: quickest to find, and right for triangles that are smaller than a cell.
     Box,
-    /// Those among them that the triangle itself meets. Triangles that are small in all directions but one are entered as
-    /// by [`Box`](Self::Box), since little is to be won there.
+    /// Those among them that the triangle itself meets. Triangles whose boxes meet fewer than 16 cells, or a row of them, are
+    /// entered as by [`Box`](Self::Box), since little is to be won there.
     Exact,
 }
 
@@ -74,8 +74,8 @@ impl GridOptions {
     /// The most references, from one per triangle to 2³² − 1: a triangle has one in each cell that its box meets. A grid
     /// that would have more is made of cells twice as long, until it has not, so that time and memory are bounded whatever
     /// the triangles; [`GridStats::halvings`](crate::GridStats::halvings) tells. Without it, 32 per triangle and 65 536
-    /// besides. A reference takes 4 bytes, 8 while the
-    /// grid is built, and those of a thousand triangles at a time up to 24.
+    /// besides. A reference takes 4 bytes, 8 while the grid is built, and for each thread those of a thousand triangles up to
+    /// 24.
     #[must_use]
     pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
         self.max_refs = Some(max_refs);
@@ -83,7 +83,8 @@ impl GridOptions {
     }
 
     /// How many threads build: 1 builds on the calling thread, 0 uses the thread pool in scope (by default as many as there
-    /// are cores). Without feature `parallel` it is always one. The grid does not depend on it.
+    /// are cores). Without feature `parallel` it is always one, and for up to 32 768 triangles, which are done before another one is
+    /// awake. The grid does not depend on it.
     #[must_use]
     pub const fn with_threads(mut self, threads: usize) -> Self {
         self.threads = threads;

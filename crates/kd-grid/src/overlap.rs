@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 
 use crate::lattice::{CellRange, Lattice};
+use crate::small_boxes::CELLS as SMALL_BOX;
 
 /// Two sides of the plane, three edges seen along each of three axes.
 const HALF_SPACES: usize = 11;
@@ -163,9 +164,8 @@ pub(crate) fn for_each_cell(lattice: &Lattice, range: &CellRange, mut enter: imp
 /// than what it saves.
 #[inline]
 pub(crate) fn is_worth_a_test(range: &CellRange) -> bool {
-    const MANY: u64 = 16;
     let directions = (0..3).filter(|&axis| range.first[axis] < range.last[axis]);
-    range.count() >= MANY && directions.count() >= 2
+    range.count() >= SMALL_BOX as u64 && directions.count() >= 2
 }
 
 /// Calls `enter` with the number of each cell of a range that the triangle meets: row by row, along the axis of the longest

@@ -2,7 +2,7 @@
 
 use crate::lattice::CellRange;
 
-/// Along each axis a small box has fewer cells than this.
+/// Along each axis a small box has no more cells than this.
 const ALONG: u32 = 4;
 /// All in all it has fewer than this: an exact test of so few would not pay
 /// (see [`is_worth_a_test`](crate::overlap::is_worth_a_test)).

@@ -140,12 +140,12 @@ pub fn map<T: Send, R: Send>(
 }
 
 /// What `work` makes of each item, in order. The calling thread works too, and begins at once, while others are still being
-/// woken; each thread has one scratch, made by `S::default()`, that it uses for all of its items.
+/// woken; each thread mostly has one scratch, made by `S::default()`, that it uses for all of its items.
 ///
 /// From outside the pool [`map`] waits until that is awake before anything is done. At the end this waits as well, even for a
 /// thread that comes when nothing is left to do.
 ///
-/// If `work` panics, so does this, when the other threads have done what was left.
+/// If `work` panics, so does this, when no other thread works on it any more.
 pub fn map_in_place<T: Send, R: Send, S: Default>(
     items: Vec<T>,
     is_parallel: bool,

@@ -82,7 +82,8 @@ impl Accel {
     /// structures apart, where no grid is tried.
     ///
     /// Builds what it chooses on all cores. A grid that is tried and not kept takes the time of building it on one thread, and
-    /// a quarter more for a sample of rays, beside what is chosen; none is tried where there are many rays for each triangle.
+    /// a quarter more for a sample of rays (or what 40 rays take, if that is more), beside what is chosen; none is tried where
+    /// there are many rays for each triangle.
     ///
     /// # Errors
     ///

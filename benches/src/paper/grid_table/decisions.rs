@@ -1,6 +1,7 @@
 //! How good decisions are: what is chosen for a budget of rays, against what would have been best.
 
 use kd_select::paper::{self, EPSILON, Hierarchy};
+use kd_select::sample::HARDLY_ANY;
 use kd_select::{Choice, Estimator, RayScheme, Structure as Kind, Times};
 
 use super::measure::Measured;
@@ -110,7 +111,7 @@ impl Decisions {
                     let chosen = choose(rule, scene, &others, &estimators, rays);
                     let is_thrifty = matches!(rule, Rule::Thrifty | Rule::Foreign);
                     let may_be_few = estimators[0].may_be_few(scene.triangles(), rays);
-                    let tries_grid = !is_thrifty || may_be_few;
+                    let tries_grid = !is_thrifty || (may_be_few && !are_hardly_any(rays));
                     cases.push(Case::new(scene, rays, chosen, tries_grid));
                 }
             }
@@ -160,8 +161,8 @@ impl Case {
         let grid = scene.times(Kind::Grid).build_seconds;
         let tried = match (tries_grid, chosen) {
             (false, _) => 0.0,
-            (true, Kind::Grid) => scene.sample_seconds(rays),
-            (true, _) => scene.sample_seconds(rays) + grid,
+            (true, Kind::Grid) => scene.tried.seconds(),
+            (true, _) => scene.tried.seconds() + grid,
         };
         Self {
             scene: scene.scene.scene.clone(),
@@ -182,9 +183,12 @@ fn choose(
     [here, elsewhere]: &[Estimator; 2],
     rays: f64,
 ) -> Kind {
-    let features = &scene.scene.features;
+    let features = &scene.sampled_features();
     let grid: Times = scene.sampled_grid;
     let thrifty = |estimator: &Estimator| {
+        if are_hardly_any(rays) {
+            return Kind::Grid;
+        }
         if !estimator.may_be_few(features.triangles, rays) {
             return least(&estimator.by_size(features.triangles), rays);
         }
@@ -213,6 +217,11 @@ fn choose(
         Rule::Regular => KD,
         Rule::Always(kind) => kind,
     }
+}
+
+/// Whether a grid is kept without a look.
+fn are_hardly_any(rays: f64) -> bool {
+    rays <= HARDLY_ANY as f64
 }
 
 fn least(costs: &[(Kind, Times)], rays: f64) -> Kind {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use kd::{BuildOptions, Hit, LazyTree, Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
-use kd_select::sample::{FEWEST_RUNS, MOST_OF_BUILD, spread_evenly};
+use kd_select::sample::{self, Run, Tried};
 use kd_select::{Features, MeasuredScene, Opening, RayScheme, Structure as Kind, Times};
 
 use super::PaperArgs;
@@ -33,19 +33,10 @@ pub(super) struct Measured {
     pub(super) scene: MeasuredScene,
     /// What the decision knows of the grid: how long it took to build, and what a ray of the sample took, each once.
     pub(super) sampled_grid: Times,
-    /// What the sample took, of so many rays.
-    pub(super) sample: Sample,
+    /// And what else the sample told.
+    pub(super) tried: Tried,
 }
 
-/// Rays that a grid was tried on.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sample {
-    pub(super) rays: f64,
-    pub(super) seconds: f64,
-}
-
-/// Rays of a sample: the paper takes 100 to 1000.
-const SAMPLE: usize = 512;
 /// A lazy tree is looked at after one in so many rays, too.
 const EARLY: usize = 16;
 
@@ -112,13 +103,12 @@ impl Measured {
         times.expect("every structure is measured on every scene")
     }
 
-    /// What trying the grid takes, before so many rays are asked: no more of them than an eighth of those, as `Accel` does it.
-    pub(super) fn sample_seconds(&self, rays: f64) -> f64 {
-        let Sample {
-            rays: most,
-            seconds,
-        } = self.sample;
-        seconds * (rays / 8.0 / most).min(1.0)
+    /// What the decision knows of the scene.
+    pub(super) fn sampled_features(&self) -> Features {
+        Features {
+            hit_share: self.tried.hit_share(),
+            ..self.scene.features
+        }
     }
 }
 
@@ -149,7 +139,7 @@ pub(super) fn measure(
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
     // Those of the last run.
-    let mut sampled = [(Times::new(0.0, 0.0), Sample::default()); 2];
+    let mut sampled = [(Times::new(0.0, 0.0), Tried::default()); 2];
     let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
     for repeat in 0..settings.repeats {
@@ -162,9 +152,9 @@ pub(super) fn measure(
             let mut answers = [Answered::default(), Answered::default()];
             for (number, rays) in kinds.iter().enumerate() {
                 if *kind == Kind::Grid {
-                    let most_seconds = MOST_OF_BUILD * built.seconds;
-                    let (ray_seconds, sample) = try_grid(structure, rays, most_seconds);
-                    sampled[number] = (Times::new(built.seconds, ray_seconds), sample);
+                    let tried = try_grid(structure, rays, built.seconds);
+                    let ray_seconds = tried.ray_seconds().unwrap_or(0.0);
+                    sampled[number] = (Times::new(built.seconds, ray_seconds), tried);
                 }
                 let seconds = seconds_of(structure, rays, &mut answers[number]);
                 of_kind.rays[number].push(seconds);
@@ -194,7 +184,7 @@ pub(super) fn measure(
         Measured {
             family: loaded.family.clone(),
             sampled_grid: sampled[number].0,
-            sample: sampled[number].1,
+            tried: sampled[number].1,
             scene: MeasuredScene {
                 scene: loaded.name.clone(),
                 rays: scheme,
@@ -206,30 +196,18 @@ pub(super) fn measure(
     Ok(measured.collect())
 }
 
-/// What a ray takes by a sample, run by run until so many seconds are spent, as `Accel` does it: the first run warms up.
-fn try_grid(structure: &dyn Structure, rays: &Rays, most_seconds: f64) -> (f64, Sample) {
-    let runs = rays.spread(SAMPLE).runs();
-    let (mut sample, mut warm) = (Sample::default(), Sample::default());
-    for (asked, place) in spread_evenly(runs.len()).enumerate() {
-        if asked >= FEWEST_RUNS && sample.seconds > most_seconds {
-            break;
+/// Tries a grid as `Accel` does it, with rays of a whole picture for those that a user would give.
+fn try_grid(structure: &dyn Structure, rays: &Rays, build_seconds: f64) -> Tried {
+    let runs = rays.spread(sample::RAYS).runs();
+    Tried::ask(runs.len(), build_seconds, |place| {
+        let mut answers = Answered::default();
+        let seconds = seconds_of(structure, &runs[place], &mut answers);
+        Run {
+            rays: runs[place].len(),
+            hits: answers.hits(),
+            seconds: Some(seconds),
         }
-        let run = &runs[place];
-        let seconds = seconds_of(structure, run, &mut Answered::default());
-        if asked > 0 {
-            warm.add(run, seconds);
-        }
-        sample.add(run, seconds);
-    }
-    let told = if warm.rays > 0.0 { warm } else { sample };
-    (told.seconds / told.rays, sample)
-}
-
-impl Sample {
-    fn add(&mut self, rays: &Rays, seconds: f64) {
-        self.rays += rays.len() as f64;
-        self.seconds += seconds;
-    }
+    })
 }
 
 fn seconds_of(structure: &dyn Structure, rays: &Rays, answers: &mut Answered) -> f64 {
@@ -322,10 +300,11 @@ pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
         Measured {
             family: format!("{}", number / 2),
             sampled_grid: grid,
-            sample: Sample {
-                rays: 100.0,
-                seconds: 100.0 * grid.ray_seconds,
-            },
+            tried: Tried::ask(50, grid.build_seconds, |_| Run {
+                rays: 8,
+                hits: 4,
+                seconds: Some(8.0 * grid.ray_seconds),
+            }),
             scene: MeasuredScene {
                 scene: format!("{}-{}", number / 2, number % 2),
                 rays: scheme,

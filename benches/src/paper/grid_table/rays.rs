@@ -40,10 +40,10 @@ impl Rays {
 
     /// About so many, in runs of neighbours spread evenly over all.
     pub(super) fn spread(&self, count: usize) -> Self {
-        const RUN: usize = 64;
+        const NEIGHBOURS: usize = 64;
         let stride = self.len().div_ceil(count.max(1)).max(1);
         let some = |rays: &[Ray]| {
-            rays.chunks(RUN)
+            rays.chunks(NEIGHBOURS)
                 .step_by(stride)
                 .flatten()
                 .copied()
@@ -70,11 +70,14 @@ impl Rays {
 }
 
 impl Answered {
+    /// How many rays hit.
+    pub(super) fn hits(&self) -> usize {
+        self.closest.iter().flatten().count() + self.any.iter().filter(|any| **any).count()
+    }
+
     /// The part of rays that hit.
     pub(super) fn hit_share(&self) -> f64 {
-        let hits =
-            self.closest.iter().flatten().count() + self.any.iter().filter(|any| **any).count();
-        hits as f64 / (self.closest.len() + self.any.len()).max(1) as f64
+        self.hits() as f64 / (self.closest.len() + self.any.len()).max(1) as f64
     }
 }
 

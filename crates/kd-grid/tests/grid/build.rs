@@ -77,6 +77,33 @@ fn triangles_are_in_the_cells_they_meet() {
     }
 }
 
+/// Long and thin ones, in cells of which there are thousands along an axis: every one that a point of them is in.
+#[test]
+fn slivers_are_in_all_of_very_many_cells() {
+    let slivers = [
+        [[0.0, 0.0, 0.0], [1.0, 1e-3, 1e-3], [0.5, 1e-3, 2e-4]],
+        [[0.0, 0.0, 0.0], [1.0, 1e-3, 1e-3], [1.0, 1.0001e-3, 1e-3]],
+        [[0.0, 1e-3, 0.0], [0.7, 0.0, 1e-3], [1.0, 1e-3, 3e-4]],
+    ];
+    for sliver in slivers {
+        let mesh = Mesh::new(sliver.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        let options = GridOptions::new().with_density(1e6).with_max_refs(1 << 21);
+        let grid = UniformGrid::build(&mesh, &options).expect("valid");
+        let resolution = grid.resolution();
+        assert!(resolution[0] >= 4000, "{resolution:?}");
+        let [a, b, c] = mesh.corners(0).map(Vec3::as_dvec3);
+        let (min, max) = (grid.bounds().min.as_dvec3(), grid.bounds().max.as_dvec3());
+        let per_unit = DVec3::from_array(resolution.map(f64::from)) / (max - min);
+        for (u, v) in (0..1000).flat_map(|u| (0..1000 - u).map(move |v| (u, v))) {
+            let point = a + (b - a) * f64::from(u) / 1000.0 + (c - a) * f64::from(v) / 1000.0;
+            let place = ((point - min) * per_unit).max(DVec3::ZERO).as_uvec3();
+            let place = place.to_array();
+            let place = [0, 1, 2].map(|axis| place[axis].min(resolution[axis] - 1));
+            assert_eq!(grid.triangles_in(place), [0], "{sliver:?}: {place:?}");
+        }
+    }
+}
+
 /// Large triangles that are not along axes: where exact overlap is for.
 #[test]
 fn exact_overlap_leaves_out_most_of_a_box() {
@@ -99,8 +126,14 @@ fn exact_overlap_leaves_out_most_of_a_box() {
 fn threads_do_not_show() {
     let mesh = scenes::moved(&scenes::sphere(6), |p| p * Vec3::new(1.0, 3.0, 2.0));
     assert!(mesh.len() > 80_000, "several chunks and slabs");
-    for overlap in [Overlap::Box, Overlap::Exact] {
-        let options = GridOptions::new().with_density(9.0).with_overlap(overlap);
+    let usual = GridOptions::new().with_density(9.0);
+    // One reference for each triangle: with fewer cells, until there are hardly any.
+    let limited = usual.clone().with_max_refs(mesh.len() as u64 + 1000);
+    for options in [
+        usual.clone().with_overlap(Overlap::Box),
+        usual.with_overlap(Overlap::Exact),
+        limited,
+    ] {
         let of = |threads: usize| {
             UniformGrid::build(&mesh, &options.clone().with_threads(threads)).expect("valid")
         };
@@ -108,6 +141,7 @@ fn threads_do_not_show() {
         for threads in [0, 2, 3] {
             let other = of(threads);
             assert_eq!(one.resolution(), other.resolution(), "{threads} threads");
+            assert_eq!(one.stats(), other.stats(), "{threads} threads");
             for place in places(&one) {
                 assert_eq!(
                     one.triangles_in(place),

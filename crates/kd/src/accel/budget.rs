@@ -4,6 +4,7 @@ use fastrand::Rng;
 use glam::Vec3;
 use kd_core::{Aabb, Ray};
 use kd_select::RayScheme;
+use kd_select::sample::RAYS as SAMPLE;
 
 /// How many rays will be asked, about, and what they are like.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,9 +12,6 @@ pub struct RayBudget {
     rays: u64,
     sample: Vec<Ray>,
 }
-
-/// A sample of so many is enough: the paper takes 100 to 1000.
-const SAMPLE: usize = 512;
 
 impl RayBudget {
     /// So many rays, that may come from anywhere and go anywhere: structures are tried on lines through two random points of the

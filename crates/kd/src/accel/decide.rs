@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use kd_core::{Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
-use kd_select::sample::{FEWEST_RUNS, MOST_OF_BUILD, RUN, spread_evenly};
+use kd_select::sample::{self, HARDLY_ANY, Run, Tried};
 use kd_select::{Calibration, Choice, Estimator, Features, RayScheme, Structure, Times};
 
 use super::{Accel, AccelError, Built, RayBudget};
@@ -34,9 +34,6 @@ pub enum Why {
     /// Its total is least, by what the grid took and by estimates for the others.
     LeastTotal,
 }
-
-/// With fewer rays there is nothing to try a grid on.
-const HARDLY_ANY: u64 = 64;
 
 impl Decision {
     pub(super) fn asked_for(structure: Structure) -> Self {
@@ -122,13 +119,11 @@ pub(super) fn choose(
         });
     }
     let sample = budget.sample(&mesh.bounds());
-    // Not with more rays than an eighth of those to come.
-    let most = usize::try_from(budget.count() / 8).unwrap_or(usize::MAX);
+    let most = usize::try_from(sample::most_rays(budget.count())).unwrap_or(usize::MAX);
     let sample = &sample[..sample.len().min(most)];
-    let most_seconds = build_seconds.map_or(f64::INFINITY, |seconds| MOST_OF_BUILD * seconds);
-    let tried = try_grid(&grid, &mesh, sample, most_seconds);
-    let features = Features::new(&grid.stats(), tried.hit_share);
-    let measured = build_seconds.zip(tried.ray_seconds);
+    let tried = try_grid(&grid, &mesh, sample, build_seconds.unwrap_or(f64::INFINITY));
+    let features = Features::new(&grid.stats(), tried.hit_share());
+    let measured = build_seconds.zip(tried.ray_seconds());
     let times = measured.map_or_else(
         // There is no clock: what calibrated grids of this size took.
         || estimator.grid_by_size(triangles),
@@ -170,45 +165,23 @@ impl Accel {
     }
 }
 
-/// What a sample of rays told.
-struct Tried {
-    /// Of a ray, if there is a clock.
-    ray_seconds: Option<f64>,
-    /// The part of them that hit.
-    hit_share: f64,
-}
-
-/// Step 2, run by run of the sample, from all over it, until so many seconds are spent. The first run warms up, if there are others.
-fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray], most_seconds: f64) -> Tried {
-    let runs: Vec<&[Ray]> = sample.chunks(RUN).collect();
-    let (mut hits, mut traced, mut spent) = (0, 0, 0.0);
-    let mut ray_seconds = None;
-    let mut warm = (0, 0.0);
-    for (asked, place) in spread_evenly(runs.len()).enumerate() {
-        if asked >= FEWEST_RUNS && spent > most_seconds {
-            break;
-        }
-        let run = runs[place];
-        let (hit, taken) = timed(|| {
-            let hits = run.iter().filter(|ray| grid.intersect(mesh, ray).is_some());
+/// Step 2.
+fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray], build_seconds: f64) -> Tried {
+    let runs: Vec<&[Ray]> = sample.chunks(sample::RUN).collect();
+    Tried::ask(runs.len(), build_seconds, |place| {
+        let rays = runs[place];
+        let (hits, seconds) = timed(|| {
+            let hits = rays
+                .iter()
+                .filter(|ray| grid.intersect(mesh, ray).is_some());
             hits.count()
         });
-        hits += hit;
-        traced += run.len();
-        if let Some(taken) = taken {
-            spent += taken;
-            if asked == 0 {
-                ray_seconds = Some(taken / run.len() as f64);
-            } else {
-                warm = (warm.0 + run.len(), warm.1 + taken);
-                ray_seconds = Some(warm.1 / warm.0 as f64);
-            }
+        Run {
+            rays: rays.len(),
+            hits,
+            seconds,
         }
-    }
-    Tried {
-        ray_seconds,
-        hit_share: hits as f64 / traced.max(1) as f64,
-    }
+    })
 }
 
 /// What `work` returns, and the seconds it took.
