@@ -1,6 +1,6 @@
 //! Trying a grid on some of the rays, before it is decided (step 2 of the paper).
 
-/// A sample of so many rays is enough: the paper takes 100 to 1000.
+/// So many rays are enough: the paper takes 100 to 1000.
 pub const RAYS: usize = 512;
 /// Rays that are asked one after the other, and timed together.
 pub const RUN: usize = 8;
@@ -14,8 +14,8 @@ const FEWEST_RUNS: usize = 5;
 const MOST_OF_BUILD: f64 = 0.25;
 
 /// The most rays of a sample where so many are to come: an eighth of them.
-pub const fn most_rays(to_come: u64) -> u64 {
-    to_come / 8
+pub fn most_rays(to_come: u64) -> u64 {
+    (to_come / 8).min(RAYS as u64)
 }
 
 /// What a run of rays told.
@@ -42,12 +42,19 @@ pub struct Tried {
 }
 
 impl Tried {
-    /// Asks runs of a sample, told by their places among so many: from all over it, until a quarter of the time is spent that the
-    /// grid took to build, but five runs at least, if there are so many.
-    pub fn ask(runs: usize, build_seconds: f64, mut ask: impl FnMut(usize) -> Run) -> Self {
+    /// Asks runs of a sample, told by their places among so many: from all over it, until they are so many rays, or a quarter of
+    /// the time is spent that the grid took to build; but one run at least, and five whatever they take, if there are so many.
+    pub fn ask(
+        runs: usize,
+        most_rays: u64,
+        build_seconds: f64,
+        mut ask: impl FnMut(usize) -> Run,
+    ) -> Self {
         let mut tried = Self::default();
         for (asked, place) in spread_evenly(runs).enumerate() {
-            if asked >= FEWEST_RUNS && tried.seconds > MOST_OF_BUILD * build_seconds {
+            let is_late = asked >= FEWEST_RUNS && tried.seconds > MOST_OF_BUILD * build_seconds;
+            let are_enough = asked > 0 && tried.rays as u64 >= most_rays;
+            if is_late || are_enough {
                 break;
             }
             let run = ask(place);
@@ -111,7 +118,7 @@ mod tests {
     /// Places that were asked, and what they told, if a run takes so many seconds.
     fn tried(runs: usize, seconds: Option<f64>) -> (Vec<usize>, Tried) {
         let mut places = Vec::new();
-        let tried = Tried::ask(runs, 100.0, |place| {
+        let tried = Tried::ask(runs, 400, 100.0, |place| {
             places.push(place);
             let cold = if places.len() == 1 { 10.0 } else { 1.0 };
             Run {
@@ -139,9 +146,24 @@ mod tests {
     }
 
     #[test]
+    fn no_more_are_asked_than_an_eighth_of_what_is_to_come() {
+        let asked = |to_come: u64| {
+            let run = Run {
+                rays: RUN,
+                hits: 0,
+                seconds: None,
+            };
+            Tried::ask(1000, most_rays(to_come), 1.0, |_| run).rays
+        };
+        assert_eq!(asked(u64::MAX), RAYS, "enough");
+        assert_eq!(asked(1280), 160, "an eighth");
+        assert_eq!(asked(HARDLY_ANY + 1), RUN, "one run at least");
+    }
+
+    #[test]
     fn what_is_not_known_is_not_told() {
         let (places, timeless) = tried(64, None);
-        assert_eq!(places.len(), 64, "no time is spent");
+        assert_eq!(places.len(), 50, "no time is spent, but these are 400");
         assert_eq!(timeless.ray_seconds(), None, "no clock");
         assert_eq!(timeless.hit_share(), 0.25, "all the same");
         assert_eq!(tried(0, Some(1.0)).1.ray_seconds(), None, "no rays");

@@ -198,8 +198,8 @@ pub(super) fn measure(
 
 /// Tries a grid as `Accel` does it, with rays of a whole picture for those that a user would give.
 fn try_grid(structure: &dyn Structure, rays: &Rays, build_seconds: f64) -> Tried {
-    let runs = rays.spread(sample::RAYS).runs();
-    Tried::ask(runs.len(), build_seconds, |place| {
+    let runs = rays.runs();
+    Tried::ask(runs.len(), sample::RAYS as u64, build_seconds, |place| {
         let mut answers = Answered::default();
         let seconds = seconds_of(structure, &runs[place], &mut answers);
         Run {
@@ -300,7 +300,7 @@ pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
         Measured {
             family: format!("{}", number / 2),
             sampled_grid: grid,
-            tried: Tried::ask(50, grid.build_seconds, |_| Run {
+            tried: Tried::ask(50, 512, grid.build_seconds, |_| Run {
                 rays: 8,
                 hits: 4,
                 seconds: Some(8.0 * grid.ray_seconds),

@@ -119,9 +119,12 @@ pub(super) fn choose(
         });
     }
     let sample = budget.sample(&mesh.bounds());
-    let most = usize::try_from(sample::most_rays(budget.count())).unwrap_or(usize::MAX);
-    let sample = &sample[..sample.len().min(most)];
-    let tried = try_grid(&grid, &mesh, sample, build_seconds.unwrap_or(f64::INFINITY));
+    let runs: Vec<&[Ray]> = sample.chunks(sample::RUN).collect();
+    let most_rays = sample::most_rays(budget.count());
+    let seconds = build_seconds.unwrap_or(f64::INFINITY);
+    let tried = Tried::ask(runs.len(), most_rays, seconds, |place| {
+        run(&grid, &mesh, runs[place])
+    });
     let features = Features::new(&grid.stats(), tried.hit_share());
     let measured = build_seconds.zip(tried.ray_seconds());
     let times = measured.map_or_else(
@@ -165,23 +168,19 @@ impl Accel {
     }
 }
 
-/// Step 2.
-fn try_grid(grid: &UniformGrid, mesh: &Mesh, sample: &[Ray], build_seconds: f64) -> Tried {
-    let runs: Vec<&[Ray]> = sample.chunks(sample::RUN).collect();
-    Tried::ask(runs.len(), build_seconds, |place| {
-        let rays = runs[place];
-        let (hits, seconds) = timed(|| {
-            let hits = rays
-                .iter()
-                .filter(|ray| grid.intersect(mesh, ray).is_some());
-            hits.count()
-        });
-        Run {
-            rays: rays.len(),
-            hits,
-            seconds,
-        }
-    })
+/// Step 2, a run of it.
+fn run(grid: &UniformGrid, mesh: &Mesh, rays: &[Ray]) -> Run {
+    let (hits, seconds) = timed(|| {
+        let hits = rays
+            .iter()
+            .filter(|ray| grid.intersect(mesh, ray).is_some());
+        hits.count()
+    });
+    Run {
+        rays: rays.len(),
+        hits,
+        seconds,
+    }
 }
 
 /// What `work` returns, and the seconds it took.
