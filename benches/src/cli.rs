@@ -28,13 +28,19 @@ pub(crate) enum Command {
     /// Measure every chosen builder on every chosen scene with every chosen kind of ray
     Bench(Box<BenchArgs>),
     /// Print what our presets cost to build and are worth, over Embree's builds and over each other, with the goals
+    ///
+    /// With --scenes and no --scene: the six meshes that the goals are set for.
     Builds(BuildsArgs),
     /// Print how fast our default tree answers rays, over rivals, with the goals
+    ///
+    /// With --scenes and no --scene: every mesh of the folder.
     Rays(RaysArgs),
     /// Print what merging trees costs and is worth, over building anew, with the goals
     Merges(MergesArgs),
     /// Print what grids, hierarchies and the papers' other structures cost and are worth, over rivals and our default tree, with
     /// the goals
+    ///
+    /// With --scenes and no --scene: four scans, for which the goals are set, two rooms and a city.
     Structures(SceneTableArgs),
     /// Make a table of one of the papers again, ours beside it
     Paper(Box<PaperArgs>),

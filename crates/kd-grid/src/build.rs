@@ -19,7 +19,8 @@ use crate::options::{BuildError, GridOptions, Overlap};
 use crate::overlap::{for_each_cell, for_each_cell_met, is_worth_a_test};
 use crate::small_boxes::SmallBoxes;
 
-/// Meshes of no more triangles are built about as soon as another thread is awake.
+/// Meshes of no more triangles are built about as soon as another thread is awake. (Six meshes of 11 000 to 39 000 triangles on two
+/// threads, from a throw-away program, 2026-11-29.)
 const FEW: usize = 1 << 15;
 
 /// What a build gives.

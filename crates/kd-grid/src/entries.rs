@@ -45,7 +45,7 @@ impl Slabs {
 type Wide = u64;
 
 /// A triangle's place in its chunk in the lowest bits, a cell's place in its slab above.
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Entry(u32);
 

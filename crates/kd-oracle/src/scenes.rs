@@ -173,6 +173,15 @@ pub fn room() -> Mesh {
     soup.mesh()
 }
 
+/// A point by its coordinates along an axis and along the two that follow it.
+pub fn turned(axis: usize, [along, next, last]: [f32; 3]) -> Vec3 {
+    let mut point = Vec3::ZERO;
+    point[axis] = along;
+    point[(axis + 1) % 3] = next;
+    point[(axis + 2) % 3] = last;
+    point
+}
+
 /// Triangles of any shape anywhere.
 pub fn soup() -> Mesh {
     let mut rng = Rng(4);

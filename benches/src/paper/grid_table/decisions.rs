@@ -108,10 +108,7 @@ impl Decisions {
                 let rays = break_even
                     * 10.0_f64.powf(f64::from(2 * budget) / f64::from(BUDGETS - 1) - 1.0);
                 for (cases, rule) in decisions.of_rules.iter_mut().zip(RULES) {
-                    let chosen = choose(rule, scene, &others, &estimators, rays);
-                    let is_thrifty = matches!(rule, Rule::Thrifty | Rule::Foreign);
-                    let may_be_few = estimators[0].may_be_few(scene.triangles(), rays);
-                    let tries_grid = !is_thrifty || (may_be_few && !are_hardly_any(rays));
+                    let (chosen, tries_grid) = choose(rule, scene, &others, &estimators, rays);
                     cases.push(Case::new(scene, rays, chosen, tries_grid));
                 }
             }
@@ -176,30 +173,33 @@ impl Case {
     }
 }
 
+/// What a rule chooses, and whether it tries a grid for that.
 fn choose(
     rule: Rule,
     scene: &Measured,
     others: &[&Measured],
     [here, elsewhere]: &[Estimator; 2],
     rays: f64,
-) -> Kind {
+) -> (Kind, bool) {
     let features = &scene.sampled_features();
-    let grid: Times = scene.sampled_grid;
+    let grid = scene.sampled_grid();
     let thrifty = |estimator: &Estimator| {
-        if are_hardly_any(rays) {
-            return Kind::Grid;
+        if rays <= HARDLY_ANY as f64 {
+            return (Kind::Grid, false);
         }
         if !estimator.may_be_few(features.triangles, rays) {
-            return least(&estimator.by_size(features.triangles), rays);
+            let chosen = least(&estimator.by_size(features.triangles), rays);
+            return (chosen, false);
         }
         let mut costs = estimator.estimate(features, &grid);
         costs[0].1.build_seconds = 0.0;
-        least(&costs, rays)
+        (least(&costs, rays), true)
     };
-    match rule {
+    let chosen = match rule {
+        Rule::Thrifty => return thrifty(here),
+        Rule::Foreign => return thrifty(elsewhere),
+        Rule::Always(kind) => return (kind, false),
         Rule::Widened => least(&here.estimate(features, &grid), rays),
-        Rule::Thrifty => thrifty(here),
-        Rule::Foreign => thrifty(elsewhere),
         Rule::Paper => {
             let calibration = others
                 .iter()
@@ -215,13 +215,8 @@ fn choose(
         }
         Rule::Regular if paper::is_regular(features.sigma) => Kind::Grid,
         Rule::Regular => KD,
-        Rule::Always(kind) => kind,
-    }
-}
-
-/// Whether a grid is kept without a look.
-fn are_hardly_any(rays: f64) -> bool {
-    rays <= HARDLY_ANY as f64
+    };
+    (chosen, true)
 }
 
 fn least(costs: &[(Kind, Times)], rays: f64) -> Kind {

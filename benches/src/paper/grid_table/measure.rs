@@ -31,9 +31,8 @@ pub(super) struct Settings {
 pub(super) struct Measured {
     pub(super) family: String,
     pub(super) scene: MeasuredScene,
-    /// What the decision knows of the grid: how long it took to build, and what a ray of the sample took, each once.
-    pub(super) sampled_grid: Times,
-    /// And what else the sample told.
+    /// What the decision knows of the grid: how long it took to build, once, and what a sample of rays told.
+    tried_build_seconds: f64,
     pub(super) tried: Tried,
 }
 
@@ -103,6 +102,12 @@ impl Measured {
         times.expect("every structure is measured on every scene")
     }
 
+    /// What the decision knows of the grid.
+    pub(super) fn sampled_grid(&self) -> Times {
+        let ray_seconds = self.tried.ray_seconds().unwrap_or(0.0);
+        Times::new(self.tried_build_seconds, ray_seconds)
+    }
+
     /// What the decision knows of the scene.
     pub(super) fn sampled_features(&self) -> Features {
         Features {
@@ -139,7 +144,7 @@ pub(super) fn measure(
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
     // Those of the last run.
-    let mut sampled = [(Times::new(0.0, 0.0), Tried::default()); 2];
+    let mut sampled = [(0.0, Tried::default()); 2];
     let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
     for repeat in 0..settings.repeats {
@@ -153,8 +158,7 @@ pub(super) fn measure(
             for (number, rays) in kinds.iter().enumerate() {
                 if *kind == Kind::Grid {
                     let tried = try_grid(structure, rays, built.seconds);
-                    let ray_seconds = tried.ray_seconds().unwrap_or(0.0);
-                    sampled[number] = (Times::new(built.seconds, ray_seconds), tried);
+                    sampled[number] = (built.seconds, tried);
                 }
                 let seconds = seconds_of(structure, rays, &mut answers[number]);
                 of_kind.rays[number].push(seconds);
@@ -183,7 +187,7 @@ pub(super) fn measure(
         times.insert(Kind::Lazy, middle(&lazy[number]));
         Measured {
             family: loaded.family.clone(),
-            sampled_grid: sampled[number].0,
+            tried_build_seconds: sampled[number].0,
             tried: sampled[number].1,
             scene: MeasuredScene {
                 scene: loaded.name.clone(),
@@ -299,7 +303,7 @@ pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
             |build: f64, ray: f64| Times::new(build * triangles as f64 * levels, ray * levels);
         Measured {
             family: format!("{}", number / 2),
-            sampled_grid: grid,
+            tried_build_seconds: grid.build_seconds,
             tried: Tried::ask(50, 512, grid.build_seconds, |_| Run {
                 rays: 8,
                 hits: 4,

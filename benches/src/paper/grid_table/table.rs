@@ -200,7 +200,7 @@ pub(super) fn to_lines(measured: &[Measured]) -> anyhow::Result<String> {
                 "t_ray_grid_us": 1e6 * grid.ray_seconds, "t_ray_kd_us": 1e6 * kd.ray_seconds,
                 "rays": scene.rays, "critical_rays": critical_rays(measured),
                 "critical_rays_once_built": (gain > 0.0).then(|| kd.build_seconds / gain),
-                "sample_ray_grid_us": 1e6 * measured.sampled_grid.ray_seconds,
+                "sample_ray_grid_us": 1e6 * measured.sampled_grid().ray_seconds,
                 "all": scene.times,
             },
         });

@@ -263,13 +263,7 @@ pub fn rays_from_anywhere(subject: &Subject) {
 #[track_caller]
 pub fn a_hit_beside_its_triangle(subject: &Subject) {
     for axis in 0..3 {
-        let turned = |x: f32, y: f32, z: f32| {
-            let mut p = Vec3::ZERO;
-            p[axis] = x;
-            p[(axis + 1) % 3] = y;
-            p[(axis + 2) % 3] = z;
-            p
-        };
+        let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [x, y, z]);
         let mut soup = Soup::default();
         // One edge runs through the middle of the box.
         soup.triangle([
@@ -307,13 +301,7 @@ pub fn hits_from_outside_the_box(subject: &Subject) {
     for axis in 0..3 {
         for (sign_x, sign_y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
             // To an edge of the box at (0, 0), where f32 can tell the least distances.
-            let turned = |x: f32, y: f32, z: f32| {
-                let mut p = Vec3::ZERO;
-                p[axis] = z;
-                p[(axis + 1) % 3] = sign_x * x;
-                p[(axis + 2) % 3] = sign_y * y;
-                p
-            };
+            let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [z, sign_x * x, sign_y * y]);
             // Each of these has the middle of the edge, and they fill the box.
             let mut soup = Soup::default();
             for fan in 0..9 {
@@ -346,13 +334,7 @@ pub fn rays_almost_in_a_face(subject: &Subject) {
     for axis in 0..3 {
         for sign in [1.0, -1.0] {
             // y goes along the axis, and to a face of the box at 0.
-            let turned = |x: f32, y: f32, z: f32| {
-                let mut p = Vec3::ZERO;
-                p[axis] = sign * y;
-                p[(axis + 1) % 3] = x;
-                p[(axis + 2) % 3] = z;
-                p
-            };
+            let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [sign * y, x, z]);
             // Sheets one behind the other, all of which have an edge in the face.
             let mut soup = Soup::default();
             for sheet in 0..9 {

@@ -1,6 +1,5 @@
 //! Trees made by hand, to be awkward.
 
-use glam::Vec3;
 use kd_core::{Aabb, Axis, CostModel, Mesh, Node, NodeIndex, Pair, Ray, Slot, Tree};
 use kd_sah::{BuildOptions, build};
 use kd_trace::{intersect, intersect_counted};
@@ -50,13 +49,7 @@ fn counting_changes_nothing_and_the_tree_helps() {
 #[test]
 fn a_hit_beside_its_triangle_is_found() {
     for axis in 0..3 {
-        let turned = |x: f32, y: f32, z: f32| {
-            let mut p = Vec3::ZERO;
-            p[axis] = x;
-            p[(axis + 1) % 3] = y;
-            p[(axis + 2) % 3] = z;
-            p
-        };
+        let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [x, y, z]);
         let mut soup = Soup::default();
         // One edge runs through the origin.
         soup.triangle([
