@@ -190,13 +190,13 @@ impl Tree {
         let slack = 1e-9 * (self.bounds.max.as_dvec3() - self.bounds.min.as_dvec3()).length();
         for (triangle, _) in (0_u32..).zip(mesh.triangles()) {
             let polygon: Vec<DVec3> = mesh.corners(triangle).map(|p| p.as_dvec3()).to_vec();
-            let fragment = Fragment {
+            let piece = Piece {
                 node: self.root,
                 polygon,
             };
             let mut missing = Vec::new();
-            self.add_missing(Slot(triangle), fragment, slack, &mut missing);
-            if let Some(Fragment { node: leaf, .. }) = missing.first() {
+            self.add_missing(Slot(triangle), piece, slack, &mut missing);
+            if let Some(Piece { node: leaf, .. }) = missing.first() {
                 let leaf = *leaf;
                 return Err(Uncovered::Triangle { triangle, leaf });
             }
@@ -204,18 +204,18 @@ impl Tree {
         Ok(())
     }
 
-    /// Divides a fragment of the triangle `slot` down to leaves, and adds to `missing` what reaches into leaves that do not
+    /// Divides a piece of the triangle `slot` down to leaves, and adds to `missing` what reaches into leaves that do not
     /// refer to the triangle.
-    fn add_missing(&self, slot: Slot, fragment: Fragment, slack: f64, missing: &mut Vec<Fragment>) {
-        let Fragment {
+    fn add_missing(&self, slot: Slot, piece: Piece, slack: f64, missing: &mut Vec<Piece>) {
+        let Piece {
             node: index,
             polygon,
-        } = fragment;
+        } = piece;
         let node = self.nodes()[index.index()];
         let (axis, split, first) = match node.view() {
             NodeView::Leaf { .. } => {
                 if !self.leaf_refs(node).contains(&slot) {
-                    missing.push(Fragment {
+                    missing.push(Piece {
                         node: index,
                         polygon,
                     });
@@ -226,20 +226,20 @@ impl Tree {
         };
         let reaches_lower = polygon.iter().any(|p| p[axis] < split - slack);
         let reaches_upper = polygon.iter().any(|p| p[axis] > split + slack);
-        let add_below = |polygon, missing: &mut Vec<Fragment>| {
+        let add_below = |polygon, missing: &mut Vec<Piece>| {
             let node = first;
-            self.add_missing(slot, Fragment { node, polygon }, slack, missing);
+            self.add_missing(slot, Piece { node, polygon }, slack, missing);
         };
-        let add_above = |polygon, missing: &mut Vec<Fragment>| {
+        let add_above = |polygon, missing: &mut Vec<Piece>| {
             let node = first.sibling();
-            self.add_missing(slot, Fragment { node, polygon }, slack, missing);
+            self.add_missing(slot, Piece { node, polygon }, slack, missing);
         };
         if !(reaches_lower || reaches_upper) {
             // A polygon in the plane must be covered by the two sides together: each piece of it on either side.
             let mut not_below = Vec::new();
             add_below(polygon, &mut not_below);
-            for fragment in not_below {
-                add_above(fragment.polygon, missing);
+            for piece in not_below {
+                add_above(piece.polygon, missing);
             }
             return;
         }
@@ -254,7 +254,7 @@ impl Tree {
 }
 
 /// A piece of a triangle, and the node whose cell it reaches into.
-struct Fragment {
+struct Piece {
     node: NodeIndex,
     polygon: Vec<DVec3>,
 }
