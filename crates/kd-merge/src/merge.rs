@@ -86,8 +86,8 @@ pub fn partition(
 /// Inserts the primitives `slots` into a tree, and divides leaves again that become too large. (Eleftheriades 2010, §3.5.)
 ///
 /// `bounds` is the box around the primitives of the tree and the inserted ones. The result shares the subtrees that no
-/// inserted primitive reaches into. Linear in the number of nodes that the inserted primitives reach into, plus the builds
-/// of divided leaves.
+/// inserted primitive reaches into. The time is proportional to the number of nodes that each inserted primitive reaches
+/// into, summed over these primitives, plus the builds of divided leaves.
 ///
 /// # Errors
 ///
@@ -117,7 +117,7 @@ pub fn insert(
 /// `bounds` is the box around both trees. Where one tree is empty, the result shares the other. Where the planes of both
 /// trees together would make a path longer than [`MAX_DEPTH`], the subtree is built again. As the thesis states, the
 /// result is correct but of low quality, since the method considers neither the cost of a plane nor what it separates.
-/// Linear in the number of nodes where the trees overlap, plus the builds of subtrees.
+/// Each plane of the first tree costs one [`partition`] of the second tree's subtree in its cell.
 ///
 /// # Errors
 ///

@@ -76,7 +76,9 @@ impl MovingTree {
                 // What is finite where it is to be moved to is finite at rest.
                 let mesh = part.mesh.transformed(&course.to_rest);
                 let mesh = mesh.ok();
-                let tree = mesh.map(|mesh| build(&BoundsOnly(&mesh), options)).transpose()?;
+                let tree = mesh
+                    .map(|mesh| build(&BoundsOnly(&mesh), options))
+                    .transpose()?;
                 tree.map(Arc::new)
             }
         };
