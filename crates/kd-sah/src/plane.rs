@@ -226,7 +226,7 @@ impl CellCost {
     /// cell that the children take along the axis.
     ///
     /// Every operation is monotone, rounding included: a smaller child, or one with fewer primitives, never costs more. The
-    /// lower bounds of costs rely on this ([`exact`](crate::choose::Exact)).
+    /// lower bounds of costs rely on this ([`promising`](crate::promising)).
     #[inline]
     pub(crate) fn of_parts(
         &self,
