@@ -1,4 +1,4 @@
-//! Any bytes through the AFF reader, which may also include itself under another name; what is read is looked at once.
+//! Fuzzes the AFF reader. The input may include itself, as `fuzz.aff` or `again.aff`. A valid scene is evaluated at one time.
 #![no_main]
 
 use std::path::Path;
@@ -13,7 +13,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let options = AffOptions {
         lenient: bytes.len() % 2 == 0,
         resolution: 1,
-        most_triangles: 10_000,
+        max_triangles: 10_000,
         ..AffOptions::default()
     };
     match read_aff("fuzz.aff".as_ref(), &mut files, &options) {
@@ -22,6 +22,6 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             let _ = scene.mesh_at(time);
             let _ = scene.camera_at(time);
         }
-        Err(error) => assert!(!error.to_string().is_empty(), "an error says what is wrong"),
+        Err(error) => assert!(!error.to_string().is_empty(), "an error has a text"),
     }
 });

@@ -1,4 +1,4 @@
-//! Any bytes through the glTF reader; what is read is looked at once.
+//! Fuzzes the glTF reader. A valid scene is evaluated at one time.
 #![no_main]
 
 use std::path::Path;
@@ -13,6 +13,6 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             let _ = scene.mesh_at(0.5);
             let _ = scene.camera_at(0.5);
         }
-        Err(error) => assert!(!error.to_string().is_empty(), "an error says what is wrong"),
+        Err(error) => assert!(!error.to_string().is_empty(), "an error has a text"),
     }
 });

@@ -1,4 +1,4 @@
-//! Any bytes through the OBJ reader.
+//! Fuzzes the OBJ reader.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Any bytes through the PLY reader.
+//! Fuzzes the PLY reader.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

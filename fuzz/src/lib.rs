@@ -1,10 +1,15 @@
-//! What every reader of untrusted bytes must keep to, whatever the bytes.
+//! The contract that every mesh reader must keep for all input bytes.
 
 use kd_core::Mesh;
 use kd_scene::LoadError;
 
-/// Reads twice. A mesh must be valid and no larger than its file allows, an error must name the
-/// file and be short, and both readings must agree.
+/// Reads `bytes` twice with the file name `fuzz`, and checks the result.
+///
+/// # Panics
+///
+/// If the two results differ, if a mesh has a position that is not finite, an index out of range, or more vertices or triangles
+/// than the file has bytes, or if an error text does not start with the file name, has several lines, or has 1000 bytes or
+/// more.
 pub fn check(bytes: &[u8], read: impl Fn(&[u8]) -> Result<Mesh, LoadError>) {
     let (first, second) = (read(bytes), read(bytes));
     match (&first, &second) {
@@ -19,21 +24,26 @@ pub fn check(bytes: &[u8], read: impl Fn(&[u8]) -> Result<Mesh, LoadError>) {
             let corners = mesh.triangles().iter().flatten();
             assert!(
                 corners.copied().all(|corner| (corner as usize) < vertices),
-                "a bad index"
+                "an index is out of range"
             );
-            // Every vertex and every triangle has taken at least one byte.
+            // Every vertex and every triangle takes at least one byte of the file.
             assert!(
                 vertices <= bytes.len() && mesh.len() <= bytes.len(),
-                "more mesh than file"
+                "{vertices} vertices and {} triangles from {} bytes",
+                mesh.len(),
+                bytes.len()
             );
         }
         (Err(error), Err(again)) => {
             let text = error.to_string();
             assert_eq!(text, again.to_string(), "two readings differ");
-            assert!(text.starts_with("fuzz: "), "no file name: {text}");
+            assert!(
+                text.starts_with("fuzz: "),
+                "error without the file name: {text}"
+            );
             assert!(
                 text.len() < 1000 && !text.contains('\n'),
-                "a long error: {text}"
+                "error longer than a line: {text}"
             );
         }
         _ => panic!("two readings differ: {first:?} and {second:?}"),

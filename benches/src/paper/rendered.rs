@@ -176,7 +176,8 @@ impl<'a> Bench<'a> {
             self.repeats,
             || picture_seconds(&self.rebuilt, &self.rebuilt.tracer(), options),
             || {
-                let tracer = Timed::new(self.merged.tracer(), &tracing);
+                let frame = self.merged.tracer();
+                let tracer = Timed::new(&frame, &tracing);
                 picture_seconds(&self.merged, &tracer, options)
             },
         )?;
@@ -226,7 +227,7 @@ impl<'a> Bench<'a> {
         let pictures = measure::timed_in_pairs(
             self.repeats,
             || picture_seconds(stage, &Timed::new(&embree, &theirs), &self.options),
-            || picture_seconds(stage, &Timed::new(stage.tracer(), &ours), &self.options),
+            || picture_seconds(stage, &Timed::new(&stage.tracer(), &ours), &self.options),
         )?;
         Ok(EmbreeFigures {
             picture_ms: 1e3 * median(&pictures.baseline),
@@ -300,12 +301,12 @@ fn picture_seconds(
 
 /// What the time is taken of that goes into answers, of all threads together.
 struct Timed<'a, T> {
-    tracer: T,
+    tracer: &'a T,
     nanoseconds: &'a AtomicU64,
 }
 
 impl<'a, T> Timed<'a, T> {
-    fn new(tracer: T, nanoseconds: &'a AtomicU64) -> Self {
+    fn new(tracer: &'a T, nanoseconds: &'a AtomicU64) -> Self {
         Self {
             tracer,
             nanoseconds,
@@ -314,7 +315,7 @@ impl<'a, T> Timed<'a, T> {
 
     fn time(&self, work: impl FnOnce(&T)) {
         let start = Instant::now();
-        work(&self.tracer);
+        work(self.tracer);
         let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.nanoseconds.fetch_add(nanoseconds, Ordering::Relaxed);
     }

@@ -1,4 +1,4 @@
-//! Where pictures go: to a file, to numbered files, or into one that moves.
+//! Output of pictures: one file, numbered files, or an animated GIF.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -12,11 +12,14 @@ use kd_scene::SceneDescription;
 
 use crate::render::numbered;
 
-/// Where pictures go.
+/// The destination of pictures.
 pub(crate) enum Output {
-    One(PathBuf),
+    /// One file for one picture.
+    Single(PathBuf),
+    /// One file per frame, with the frame number in its name.
     Numbered(PathBuf),
-    Moving {
+    /// One animated GIF.
+    Gif {
         path: PathBuf,
         encoder: Box<GifEncoder<BufWriter<File>>>,
         delay: Delay,
@@ -24,7 +27,7 @@ pub(crate) enum Output {
 }
 
 impl Output {
-    /// Refuses at once what could not be written in the end.
+    /// Opens the output. Fails before any picture is rendered if the format cannot be written.
     pub(crate) fn new(
         path: &Path,
         is_animation: bool,
@@ -33,12 +36,12 @@ impl Output {
         let format = ImageFormat::from_path(path).with_context(|| format!("{}", path.display()))?;
         if !format.can_write() || !format.writing_enabled() {
             bail!(
-                "{}: pictures in this format cannot be written",
+                "{}: this picture format cannot be written; use .png, .jpg, .ppm or .gif",
                 path.display()
             );
         }
         if !is_animation {
-            return Ok(Self::One(path.to_owned()));
+            return Ok(Self::Single(path.to_owned()));
         }
         if format != ImageFormat::Gif {
             return Ok(Self::Numbered(path.to_owned()));
@@ -46,7 +49,7 @@ impl Output {
         let file = File::create(path).with_context(|| format!("{}", path.display()))?;
         let mut encoder = GifEncoder::new_with_speed(BufWriter::new(file), 10);
         encoder.set_repeat(Repeat::Infinite)?;
-        Ok(Self::Moving {
+        Ok(Self::Gif {
             path: path.to_owned(),
             encoder: Box::new(encoder),
             delay: delay(scene),
@@ -60,34 +63,34 @@ impl Output {
                 .with_context(|| format!("{}", path.display()))
         };
         match self {
-            Self::One(path) => save(path),
+            Self::Single(path) => save(path),
             Self::Numbered(path) => save(&numbered(path, frame)),
-            Self::Moving { encoder, delay, .. } => {
+            Self::Gif { encoder, delay, .. } => {
                 let image = DynamicImage::from(picture.to_image()).to_rgba8();
                 Ok(encoder.encode_frame(Frame::from_parts(image, 0, 0, *delay))?)
             }
         }
     }
 
-    /// What was written.
+    /// The path of the output.
     pub(crate) fn finish(self) -> anyhow::Result<PathBuf> {
         Ok(match self {
-            Self::One(path) | Self::Numbered(path) | Self::Moving { path, .. } => path,
+            Self::Single(path) | Self::Numbered(path) | Self::Gif { path, .. } => path,
         })
     }
 }
 
-/// How long each frame of a scene is seen.
+/// The display time of a frame.
 fn delay(scene: &SceneDescription) -> Delay {
     let seconds = scene.span.map_or(0.04, |span| {
         (span.end - span.start) / span.frames.saturating_sub(1).max(1) as f64
     });
-    // Faster than this is not shown by most programs.
+    // Most viewers show no frame for less than 20 ms.
     let seconds = seconds.clamp(0.02, 60.0);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "between 20 and 60000"
+        reason = "clamped to 20..=60000 above"
     )]
     let milliseconds = (seconds * 1e3).round() as u32;
     Delay::from_numer_denom_ms(milliseconds, 1)

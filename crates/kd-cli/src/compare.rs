@@ -1,4 +1,4 @@
-//! `kd compare`.
+//! The command `kd compare`.
 
 use std::time::Instant;
 
@@ -8,16 +8,16 @@ use comfy_table::{CellAlignment, LineStyle, Table, TableStyle};
 use kd::{CostModel, KdTree, Strategy};
 use kd_render::{RenderOptions, Stage, render};
 
-use crate::say::say;
+use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs, Size};
 
-/// Which scene, and which builders.
+/// Arguments of `kd compare`.
 #[derive(Args, Debug)]
 pub(crate) struct CompareArgs {
     #[command(flatten)]
     scene: SceneArgs,
 
-    /// Which builders
+    /// Builders to compare, separated by commas
     #[arg(
         long,
         value_enum,
@@ -26,7 +26,7 @@ pub(crate) struct CompareArgs {
     )]
     builders: Vec<Builder>,
 
-    /// Pixels of the picture that each makes
+    /// Size in pixels of the picture that is rendered with each
     #[arg(long, value_name = "WxH", default_value = "400x300")]
     size: Size,
 }
@@ -88,7 +88,7 @@ pub(crate) fn run(arguments: &CompareArgs) -> anyhow::Result<()> {
             None => first = Some(rendering),
             Some(first) if *first == rendering => {}
             Some(_) => bail!(
-                "{}: another picture than by {}",
+                "builders `{}` and `{}` give different pictures; this is a fault of kd",
                 builder.name(),
                 arguments.builders[0].name()
             ),
@@ -97,8 +97,8 @@ pub(crate) fn run(arguments: &CompareArgs) -> anyhow::Result<()> {
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }
-    say(format_args!(
-        "{table}\none measurement each; the pictures are the same"
+    print_line(format_args!(
+        "{table}\none measurement per row; all pictures are identical"
     ))?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `kd convert`.
+//! The command `kd convert`.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -8,20 +8,20 @@ use anyhow::{Context, bail};
 use clap::Args;
 use kd::{KdTree, Mesh};
 
-use crate::say::say;
+use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs};
 
-/// What to write, and where.
+/// Arguments of `kd convert`.
 #[derive(Args, Debug)]
 pub(crate) struct ConvertArgs {
     #[command(flatten)]
     scene: SceneArgs,
 
-    /// .ply or .obj for the triangles, .kd for them and their tree
+    /// Output file: .ply or .obj for the triangles, .kd for the triangles and their tree
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 
-    /// Which builder, for .kd
+    /// Builder of the tree, for .kd
     #[arg(long, value_enum, default_value_t = Builder::Best)]
     builder: Builder,
 }
@@ -36,10 +36,10 @@ pub(crate) fn run(arguments: &ConvertArgs) -> anyhow::Result<()> {
             let mesh = mesh(&arguments.scene)?;
             let tree = KdTree::build(mesh, &arguments.builder.options())?;
             tree.save(path)?;
-            return told(path, tree.mesh());
+            return report(path, tree.mesh());
         }
         _ => bail!(
-            "{}: meshes are written as .ply or .obj, trees as .kd",
+            "{}: unknown output format; use .ply or .obj for a mesh, .kd for a tree",
             path.display()
         ),
     };
@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &ConvertArgs) -> anyhow::Result<()> {
     let mut out = BufWriter::new(file);
     let written = write(&mesh, &mut out).and_then(|()| out.flush());
     written.with_context(|| format!("{}", path.display()))?;
-    told(path, &mesh)
+    report(path, &mesh)
 }
 
 fn mesh(arguments: &SceneArgs) -> anyhow::Result<Mesh> {
@@ -59,12 +59,12 @@ fn mesh(arguments: &SceneArgs) -> anyhow::Result<Mesh> {
     Ok(scene.mesh_at(arguments.time(&scene)?)?)
 }
 
-fn told(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
-    say(format_args!("{}: {} triangles", path.display(), mesh.len()))?;
+fn report(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
+    print_line(format_args!("{}: {} triangles", path.display(), mesh.len()))?;
     Ok(())
 }
 
-/// Binary, least byte first.
+/// Writes a binary little-endian PLY file.
 fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> std::io::Result<()> {
     write!(
         out,
@@ -85,7 +85,7 @@ fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Numbers as short as they can be without becoming others.
+/// Writes an OBJ file. Numbers have the fewest digits that read back to the same `f32`.
 fn write_obj(mesh: &Mesh, out: &mut dyn Write) -> std::io::Result<()> {
     for [x, y, z] in mesh.positions() {
         writeln!(out, "v {x} {y} {z}")?;
@@ -109,16 +109,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn meshes_are_read_back_as_they_were() {
-        let mesh = Spd::Tetra.generate(2).expect("small").mesh;
+    fn written_meshes_read_back_unchanged() {
+        let mesh = Spd::Tetra.generate(2).expect("within the limits").mesh;
         let corners =
             |mesh: &Mesh| -> Vec<_> { (0..).take(mesh.len()).map(|i| mesh.corners(i)).collect() };
         let mut bytes = Vec::new();
-        write_ply(&mesh, &mut bytes).expect("written");
+        write_ply(&mesh, &mut bytes).expect("a written file");
         let ply = read_ply(&bytes, "ply").expect("valid");
         assert_eq!(corners(&ply), corners(&mesh));
         bytes.clear();
-        write_obj(&mesh, &mut bytes).expect("written");
+        write_obj(&mesh, &mut bytes).expect("a written file");
         let obj = read_obj(bytes.as_slice(), "obj").expect("valid");
         assert_eq!(corners(&obj), corners(&mesh));
     }

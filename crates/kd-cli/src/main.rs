@@ -1,12 +1,15 @@
-//! `kd`: pictures of scenes, what their trees are like, and other formats.
-#![allow(clippy::print_stderr, reason = "a program for the command line")]
+//! The command-line program `kd`: renders scenes, prints statistics of their trees, converts formats.
+#![allow(
+    clippy::print_stderr,
+    reason = "a command-line program reports on stderr"
+)]
 #![forbid(unsafe_code)]
 
 mod animation;
 mod compare;
 mod convert;
+mod print;
 mod render;
-mod say;
 mod scene;
 mod stats;
 
@@ -14,7 +17,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Pictures of scenes by rays, what their trees are like, and other formats.
+/// Render scenes, print statistics of their trees, and convert formats.
 #[derive(Parser, Debug)]
 #[command(name = "kd", version, about)]
 struct Arguments {
@@ -24,13 +27,13 @@ struct Arguments {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Make a picture, or an animation
+    /// Render a picture or an animation
     Render(render::RenderArgs),
-    /// Tell what is in a scene, and what the tree over it is like
+    /// Print the contents of a scene and the statistics of its tree
     Stats(stats::StatsArgs),
-    /// Write what a scene is at one time as a mesh, or with its tree
+    /// Write a scene at one time as a mesh, or as a tree file
     Convert(convert::ConvertArgs),
-    /// Build by several builders, and compare trees and the pictures they take
+    /// Compare the trees of several builders and the time of a picture with each
     Compare(compare::CompareArgs),
 }
 
@@ -57,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_line_is_sound() {
+    fn the_command_line_is_well_formed() {
         Arguments::command().debug_assert();
     }
 }

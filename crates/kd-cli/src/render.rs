@@ -1,4 +1,4 @@
-//! `kd render`.
+//! The command `kd render`.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -16,76 +16,76 @@ use kd_render::{
 };
 
 use crate::animation::Output;
-use crate::say::say;
+use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs, Size, time_of};
 
-/// What to make a picture of, and how.
+/// Arguments of `kd render`.
 #[derive(Args, Debug)]
 pub(crate) struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
 
-    /// Where to write it: .png, .jpg, .ppm; with frames also .gif, or a number is added to the name
+    /// Output file: .png, .jpg or .ppm. With --frames, a .gif holds all frames; other formats get a numbered file per frame
     #[arg(short, long, value_name = "FILE", default_value = "out.png")]
     output: PathBuf,
 
-    /// All frames from the first to before the last of these
+    /// Frames A up to but not including B
     #[arg(long, value_name = "A..B", conflicts_with = "frame")]
     frames: Option<Frames>,
 
-    /// Pixels [default: what the scene asks for, or 800x600]
+    /// Size in pixels [default: the resolution in the scene, or 800x600]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
 
-    /// How often rays are mirrored, refracted or scattered
+    /// Maximum number of reflections, refractions or scattering events along a path
     #[arg(long, value_name = "N", default_value_t = 2)]
     bounces: u32,
 
-    /// Lights that are used, in the order of the file [default: all]
+    /// Number of lights to use, in file order [default: all]
     #[arg(long, value_name = "N")]
     lights: Option<usize>,
 
-    /// Rays for each pixel: so many across, and as many down
+    /// Samples per pixel along each axis: N x N primary rays per pixel
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     subpixels: u32,
 
-    /// Without textures
+    /// Ignore textures
     #[arg(long)]
     plain: bool,
 
-    /// Follow light by chance, as dull surfaces scatter it
+    /// Path-trace diffuse surfaces instead of Whitted ray tracing
     #[arg(long)]
     diffuse: bool,
 
-    /// Which builder makes the trees of what stands still
+    /// Builder of the trees of static parts
     #[arg(long, value_enum, default_value_t = Builder::Best)]
     builder: Builder,
 
-    /// What to show of the tree in place of the scene: what rays cost
+    /// Show the cost of each ray instead of the scene; the same as --view heat
     #[arg(long)]
     heatmap: bool,
 
-    /// A view of the tree in place of the scene, or over it
+    /// Show a view of the tree instead of the scene, or over it
     #[arg(long, value_enum, conflicts_with = "heatmap")]
     view: Option<View>,
 
-    /// With `--view boxes`: nodes of this level, from 0
+    /// Level of the nodes that --view boxes draws; the root is level 0
     #[arg(long, value_name = "N", default_value_t = 6)]
     level: u32,
 }
 
-/// What to show of a tree.
+/// A view of the tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum View {
-    /// What rays cost: nodes, leaves and triangles that each looks at
+    /// Cost of each ray: nodes, leaves and triangles that it visits
     Heat,
-    /// How deep the leaf is in which each ray ends
+    /// Depth of the leaf in which each ray ends
     Depth,
-    /// The cells of nodes, drawn over the scene
+    /// Cells of nodes, drawn over the scene
     Boxes,
 }
 
-/// Frames of an animation.
+/// A range of frames, as `0..100`.
 #[derive(Clone, Debug)]
 struct Frames(Range<usize>);
 
@@ -93,10 +93,14 @@ impl FromStr for Frames {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> anyhow::Result<Self> {
-        let (first, end) = text.split_once("..").context("frames are like 0..100")?;
+        let (first, end) = text
+            .split_once("..")
+            .context("expected a range of frames such as 0..100")?;
         let range = first.parse()?..end.parse()?;
         if range.is_empty() {
-            bail!("no frames: the second is the one after the last");
+            bail!(
+                "the range of frames is empty; `A..B` excludes frame B, so B must be greater than A"
+            );
         }
         Ok(Self(range))
     }
@@ -109,7 +113,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
         Some(Frames(frames)) => frames.clone(),
         None => arguments.scene.frame..arguments.scene.frame + 1,
     };
-    // Before anything takes time.
+    // Wrong frame numbers fail before the trees are built.
     for frame in [frames.start, frames.end - 1] {
         time_of(&description, frame)?;
     }
@@ -152,7 +156,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
     let written = output.finish()?;
     let seconds = start.elapsed();
     let tracing = seconds - ready - updates;
-    say(format_args!(
+    print_line(format_args!(
         "{}: {} triangles, {} frame{} of {}x{}",
         written.display(),
         stage
@@ -170,15 +174,15 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
         size.width,
         size.height,
     ))?;
-    say(format_args!(
-        "{:.2} s until the first ray, {:.3} s for updates, {:.2} s for pictures",
+    print_line(format_args!(
+        "{:.2} s until the first ray, {:.3} s for updates, {:.2} s for rendering",
         ready.as_secs_f64(),
         updates.as_secs_f64(),
         tracing.as_secs_f64()
     ))?;
     if rays.total() > 0 {
-        say(format_args!(
-            "{:.2} million rays a second: {} primary, {} shadow, {} mirrored, {} refracted, {} diffuse",
+        print_line(format_args!(
+            "{:.2} million rays per second: {} primary, {} shadow, {} mirrored, {} refracted, {} diffuse",
             rays.total() as f64 / tracing.as_secs_f64() * 1e-6,
             rays.primary,
             rays.shadow,
@@ -190,7 +194,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// One picture, and the rays it took.
+/// Renders one picture and counts its rays.
 fn picture(
     stage: &Stage,
     arguments: &RenderArgs,
@@ -207,23 +211,23 @@ fn picture(
     match view {
         Some(View::Heat) => {
             let heat = heat_map(&tree()?, &camera, size);
-            say(format_args!(
-                "steps of a ray: {:.1} on average, {} where it is brightest",
+            print_line(format_args!(
+                "steps per ray: {:.1} on average, {} at the brightest color",
                 heat.mean, heat.brightest
             ))?;
             Ok((heat.picture, RayCounts::default()))
         }
         Some(View::Depth) => {
             let depths = leaf_depths(&tree()?, &camera, size);
-            say(format_args!(
-                "levels above a leaf: {:.1} on average, {} where it is brightest",
+            print_line(format_args!(
+                "depth of leaves: {:.1} on average, {} at the brightest color",
                 depths.mean, depths.brightest
             ))?;
             Ok((depths.picture, RayCounts::default()))
         }
         Some(View::Boxes) | None => {
             let rendering = render(stage, &stage.tracer(), &camera, options, &|counts| {
-                progress.tile(counts);
+                progress.add_bucket(counts);
             });
             let mut picture = rendering.picture;
             if view == Some(View::Boxes) {
@@ -234,7 +238,7 @@ fn picture(
     }
 }
 
-/// How far it is, with rays a second.
+/// A progress bar with the number of rays per second.
 struct Progress {
     bar: ProgressBar,
     rays: AtomicU64,
@@ -247,7 +251,7 @@ impl Progress {
         let primary = u64::from(options.width) * u64::from(options.height) * samples;
         let bar = ProgressBar::new(primary * frames as u64);
         let style = ProgressStyle::with_template("{bar:40} {percent} % {msg} {eta}");
-        bar.set_style(style.expect("it is well-formed"));
+        bar.set_style(style.expect("the template is well-formed"));
         Self {
             bar,
             rays: AtomicU64::new(0),
@@ -255,7 +259,7 @@ impl Progress {
         }
     }
 
-    fn tile(&self, counts: &RayCounts) {
+    fn add_bucket(&self, counts: &RayCounts) {
         let rays = self.rays.fetch_add(counts.total(), Ordering::Relaxed) + counts.total();
         let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
         self.bar
@@ -268,7 +272,7 @@ impl Progress {
     }
 }
 
-/// The file of one of several frames.
+/// The path of a frame: the frame number is added to the file name.
 pub(crate) fn numbered(path: &Path, frame: usize) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().unwrap_or_default().to_string_lossy();
@@ -280,7 +284,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_a_range_and_files_are_numbered() {
+    fn frames_parse_as_a_range_and_files_get_numbers() {
         assert_eq!("3..7".parse::<Frames>().expect("valid").0, 3..7);
         for bad in ["3", "7..3", "3..3", "a..b"] {
             assert!(bad.parse::<Frames>().is_err(), "{bad}");

@@ -1,4 +1,4 @@
-//! Which scene, and by which builder.
+//! Arguments that several commands share: scene, builder, size.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -8,22 +8,22 @@ use clap::{Args, ValueEnum};
 use kd::BuildOptions;
 use kd_scene::{AffOptions, SceneDescription, Spd, load_scene, toy_room};
 
-/// Which scene.
+/// Selects a scene and a frame of its animation.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// A file (.aff, .nff, .obj, .ply), `room:N`, or a generated scene and its size, as `gears:4`
+    /// A file (.aff, .nff, .gltf, .glb, .obj, .ply), `room:N`, or a generated scene and its size, such as `gears:4`
     #[arg(value_name = "SCENE")]
     pub(crate) scene: String,
 
-    /// Leave out commands of AFF and NFF files that are not known
+    /// Skip unknown commands of AFF and NFF files, with a warning
     #[arg(long)]
     lenient: bool,
 
-    /// Include files of AFF scenes for this much detail
+    /// Level of detail up to which AFF scenes include files
     #[arg(long, value_name = "N", default_value_t = 0)]
     detail: u32,
 
-    /// Which frame of the animation, from 0
+    /// Frame of the animation, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) frame: usize,
 }
@@ -50,14 +50,14 @@ impl SceneArgs {
 }
 
 fn generated(name: &str, size: &str) -> anyhow::Result<SceneDescription> {
-    let size = u32::from_str(size).with_context(|| format!("the size of `{name}:{size}`"))?;
+    let size = u32::from_str(size).with_context(|| format!("the size in `{name}:{size}`"))?;
     if name == "room" {
         return Ok(toy_room(size)?);
     }
     let Some(spd) = Spd::ALL.into_iter().find(|spd| spd.to_string() == name) else {
         let names = Spd::ALL.map(|spd| spd.to_string());
         bail!(
-            "there is no generated scene `{name}`; there are room, {}",
+            "unknown generated scene `{name}`; expected one of room, {}",
             names.join(", ")
         );
     };
@@ -71,20 +71,20 @@ pub(crate) fn time_of(scene: &SceneDescription, frame: usize) -> anyhow::Result<
         None => bail!("frame {frame}: the scene has no animation"),
         Some(span) if frame < span.frames => Ok(span.time_of(frame)),
         Some(span) => bail!(
-            "frame {frame}: the animation has {} frames, from 0",
+            "frame {frame}: the animation has {} frames, numbered from 0",
             span.frames
         ),
     }
 }
 
-/// Which builder.
+/// A builder preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Builder {
-    /// Best to trace
+    /// Fastest rays
     Best,
-    /// Nearly as good, and faster
+    /// Nearly as fast rays, shorter build
     Balanced,
-    /// The fastest
+    /// Shortest build
     Fast,
 }
 
@@ -106,7 +106,7 @@ impl Builder {
     }
 }
 
-/// Width and height, as `800x600`.
+/// Width and height in pixels, from 1 to 32768 each, as `800x600`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Size {
     pub(crate) width: u32,
@@ -117,11 +117,13 @@ impl FromStr for Size {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> anyhow::Result<Self> {
-        let (width, height) = text.split_once('x').context("a size is like 800x600")?;
+        let (width, height) = text
+            .split_once('x')
+            .context("expected a size such as 800x600")?;
         let [width, height] = [width, height].map(u32::from_str);
         let (width, height) = (width?, height?);
         if width == 0 || height == 0 || width > 1 << 15 || height > 1 << 15 {
-            bail!("pictures have from 1 to 32768 pixels in each direction");
+            bail!("size {width}x{height}: width and height must be from 1 to 32768");
         }
         Ok(Self { width, height })
     }
@@ -132,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_two_numbers() {
+    fn sizes_parse_as_two_numbers() {
         let size = "80x60".parse::<Size>().expect("valid");
         assert_eq!((size.width, size.height), (80, 60));
         for bad in ["80", "80x", "0x5", "x", "-1x2", "99999x1"] {
@@ -141,11 +143,11 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_those_of_the_animation() {
-        let room = generated("room", "1").expect("small");
-        let last = room.span.expect("it moves").frames - 1;
+    fn frames_outside_of_the_animation_are_refused() {
+        let room = generated("room", "1").expect("within the limits");
+        let last = room.span.expect("an animation").frames - 1;
         assert!(time_of(&room, last).is_ok() && time_of(&room, last + 1).is_err());
-        let gears = generated("gears", "1").expect("small");
+        let gears = generated("gears", "1").expect("within the limits");
         assert!(time_of(&gears, 0).is_ok() && time_of(&gears, 1).is_err());
         let error = generated("nothing", "1")
             .expect_err("no such scene")

@@ -1,19 +1,19 @@
-//! `kd stats`.
+//! The command `kd stats`.
 
 use clap::Args;
 use kd::KdTree;
 use kd_scene::{SceneDescription, TextureSource};
 
-use crate::say::say;
+use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs};
 
-/// Of which scene.
+/// Arguments of `kd stats`.
 #[derive(Args, Debug)]
 pub(crate) struct StatsArgs {
     #[command(flatten)]
     scene: SceneArgs,
 
-    /// Which builder
+    /// Builder of the tree
     #[arg(long, value_enum, default_value_t = Builder::Best)]
     builder: Builder,
 }
@@ -24,44 +24,44 @@ pub(crate) fn run(arguments: &StatsArgs) -> anyhow::Result<()> {
         eprintln!("warning: {warning}");
     }
     let time = arguments.scene.time(&scene)?;
-    say(format_args!("{}", description(&scene, time).trim_end()))?;
+    print_line(format_args!("{}", description(&scene, time).trim_end()))?;
     let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
-    say(format_args!(
-        "tree by {}, of everything at {time} s:\n{}",
+    print_line(format_args!(
+        "tree of all parts at {time} s, builder `{}`:\n{}",
         arguments.builder.name(),
         tree.stats()
     ))?;
     Ok(())
 }
 
-/// What is in a scene, as lines.
+/// The contents of a scene, one line each.
 fn description(scene: &SceneDescription, time: f64) -> String {
     use std::fmt::Write;
 
     let mut text = String::new();
-    let mut line = |what: &str, value: String| {
-        let _ = writeln!(text, "{what:<12} {value}");
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "{label:<12} {value}");
     };
     let triangles: usize = scene.parts.iter().map(|part| part.mesh.len()).sum();
     let moving = scene.parts.iter().filter(|part| part.may_move());
     let moving: usize = moving.map(|part| part.mesh.len()).sum();
     line(
         "triangles",
-        format!("{triangles}, of which {moving} may move"),
+        format!("{triangles}, of which {moving} can move"),
     );
     line("parts", scene.parts.len().to_string());
     for part in &scene.parts {
         let name = if part.name.is_empty() {
-            "(still)"
+            "(static)"
         } else {
             &part.name
         };
-        let seen = if scene.is_visible(part, time) {
+        let visibility = if scene.is_visible(part, time) {
             ""
         } else {
-            ", not seen"
+            ", invisible"
         };
-        line("", format!("{name}: {}{seen}", part.mesh.len()));
+        line("", format!("{name}: {}{visibility}", part.mesh.len()));
     }
     line("lights", scene.lights.len().to_string());
     line("materials", scene.materials.len().to_string());

@@ -1,8 +1,11 @@
-//! Pictures of scenes, by rays through kd: what is seen, and what the trees behind it look like.
+//! A renderer for [`kd_scene`] descriptions, and views of the trees that it traces.
 //!
-//! A [`Stage`] is a scene of [`kd_scene`] with trees over its parts and its textures read; [`Stage::show`] moves it to a time of
-//! its animation, which costs what moves. [`render`] makes a [`Picture`] of it: Whitted's light, mirrors and glass, or light that
-//! dull surfaces scatter. Rays go in batches, tile by tile, and pictures do not depend on the number of threads.
+//! A [`Stage`] holds a scene description, the trees over its parts, and its decoded textures. [`Stage::show`] moves the scene
+//! to a time of its animation; the cost is proportional to the triangles that move. [`render`] makes a [`Picture`] by Whitted
+//! ray tracing (direct light, mirrors, glass) or by path tracing of diffuse surfaces. Rays are traced in batches, one bucket of
+//! pixels at a time. Pictures are identical for every number of threads.
+//!
+//! The renderer sends its rays to a [`Tracer`], which every [`RayQuery`](kd_trace::RayQuery) over parts implements.
 //!
 //! ```no_run
 //! use kd_render::{RenderOptions, Stage, render};

@@ -1,38 +1,43 @@
-//! Light that dull surfaces scatter, followed by chance (J. Kajiya, *The Rendering Equation*, 1986).
+//! Path tracing of diffuse surfaces (J. Kajiya, *The Rendering Equation*, 1986).
 
 use fastrand::Rng;
 use kd::Ray;
 use kd::glam::Vec3;
 
 use crate::random::cosine_around;
-use crate::render::{RayCounts, Shot, Tile};
-use crate::shadows::Shadows;
+use crate::render::{Bucket, RayCounts, RenderContext};
+use crate::shadows::ShadowRays;
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
-/// A way that light came.
+/// The state of one path from the camera.
 struct Path {
+    /// Index of the sample in the bucket.
     sample: usize,
+    /// Product of the reflectances so far.
     weight: Vec3,
     random: Rng,
 }
 
-/// What is seen by each sample of a tile.
-pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, RayCounts) {
-    let Shot {
+/// The color of each sample of a bucket, and the number of rays traced.
+pub(crate) fn trace(
+    context: &RenderContext<'_, impl Tracer>,
+    bucket: &Bucket,
+) -> (Vec<Vec3>, RayCounts) {
+    let RenderContext {
         stage,
         tracer,
         options,
         lights,
         ..
-    } = shot;
+    } = context;
     let mut counts = RayCounts::default();
     let mut rays = Vec::new();
     let mut paths = Vec::new();
-    for (sample, place) in tile.samples(options).enumerate() {
-        rays.push(shot.ray_through(place));
-        // A sequence of its own for each place of the picture.
-        let [x, y] = place.map(f32::to_bits);
+    for (sample, position) in bucket.samples(options).enumerate() {
+        rays.push(context.ray_through(position));
+        // The seed depends on the image position only, so that threads cannot change the picture.
+        let [x, y] = position.map(f32::to_bits);
         let seed = u64::from(x) << 32 | u64::from(y);
         paths.push(Path {
             sample,
@@ -45,7 +50,7 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
     for bounce in 0..=options.bounces {
         let mut hits = vec![None; rays.len()];
         tracer.intersect(&rays, &mut hits);
-        let mut shadows = Shadows::with_capacity(rays.len());
+        let mut shadow_rays = ShadowRays::with_capacity(rays.len());
         let (mut next_rays, mut next_paths) = (Vec::new(), Vec::new());
         for ((ray, mut path), hit) in rays.iter().zip(paths).zip(&hits) {
             let Some(hit) = hit else {
@@ -55,18 +60,18 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
             let Some(point) = SurfacePoint::new(stage, options.textures, ray, hit) else {
                 continue;
             };
-            // Mirrors and glass give back what they can as dull surfaces.
+            // Mirrors and glass are treated as diffuse surfaces of the same reflectance.
             let material = point.material;
             let reflectance = (material.diffuse * point.texture + material.mirror).min(Vec3::ONE);
             let weight = path.weight * reflectance;
             if !lights.is_empty() {
-                // One light stands for all.
+                // One light, chosen at random, represents all of them.
                 let light = &lights[path.random.usize(..lights.len())];
                 let to_light = (light.position - point.at).normalize_or_zero();
                 let facing = to_light.dot(point.normal);
                 if facing > 0.0 && to_light.dot(point.flat_normal) > 0.0 {
                     let color = weight * light.color * facing * lights.len() as f32;
-                    shadows.push(&point, light, path.sample, color);
+                    shadow_rays.push(&point, light, path.sample, color);
                 }
             }
             if bounce < options.bounces {
@@ -77,7 +82,7 @@ pub(crate) fn trace(shot: &Shot<'_, impl Tracer>, tile: &Tile) -> (Vec<Vec3>, Ra
                 }
             }
         }
-        shadows.add(*tracer, &mut colors, &mut counts);
+        shadow_rays.add(*tracer, &mut colors, &mut counts);
         (rays, paths) = (next_rays, next_paths);
         counts.diffuse += rays.len() as u64;
     }

@@ -1,4 +1,4 @@
-//! Pixels.
+//! The image that a rendering produces.
 
 use std::path::Path;
 
@@ -6,21 +6,21 @@ use image::{ImageError, Rgb, RgbImage};
 use kd::glam::Vec3;
 use kd_scene::ColorSpace;
 
-/// A picture, by rows from above.
+/// An image of `width` × `height` pixels, stored row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// In pixels.
+    /// Width in pixels.
     pub width: u32,
-    /// In pixels.
+    /// Height in pixels.
     pub height: u32,
-    /// Red, green and blue, from 0 to 1 and above where it is too bright.
+    /// Red, green and blue of each pixel, from 0 to 1. Values above 1 are clamped on output.
     pub pixels: Vec<Vec3>,
-    /// What these numbers mean.
+    /// The color space of [`pixels`](Self::pixels).
     pub colors: ColorSpace,
 }
 
 impl Picture {
-    /// A picture of one colour.
+    /// An image of one color.
     pub fn new(width: u32, height: u32, color: Vec3, colors: ColorSpace) -> Self {
         Self {
             width,
@@ -30,11 +30,11 @@ impl Picture {
         }
     }
 
-    /// The pixel in a column and row, from 0 at the upper left.
+    /// The pixel in `column` and `row`, both from 0 at the upper left.
     ///
     /// # Panics
     ///
-    /// If there is no such pixel.
+    /// If `column` or `row` is outside of the image.
     pub fn at(&self, column: u32, row: u32) -> Vec3 {
         self.pixels[self.index(column, row)]
     }
@@ -47,23 +47,25 @@ impl Picture {
     fn index(&self, column: u32, row: u32) -> usize {
         assert!(
             column < self.width && row < self.height,
-            "there is such a pixel"
+            "pixel ({column}, {row}) of {} x {}",
+            self.width,
+            self.height
         );
         row as usize * self.width as usize + column as usize
     }
 
-    /// As it is shown and written: eight bits for each colour, what is too bright cut off.
+    /// The image as it is displayed and saved: eight bits per channel, clamped to 0..=255.
     pub fn to_image(&self) -> RgbImage {
         RgbImage::from_fn(self.width, self.height, |column, row| {
             Rgb(self.colors.encoded(self.at(column, row)))
         })
     }
 
-    /// Writes it in the format that the name asks for.
+    /// Saves the image; the extension of `path` selects the format.
     ///
     /// # Errors
     ///
-    /// If the name asks for no known format, or the file cannot be written.
+    /// If the extension is unknown, or the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
         self.to_image().save(path)
     }

@@ -1,4 +1,4 @@
-//! Pictures of a stage, tile by tile.
+//! Renders a picture of a stage, one bucket of pixels at a time.
 
 use kd::Ray;
 use kd::glam::Vec3;
@@ -11,38 +11,38 @@ use crate::stage::{ShownLight, Stage};
 use crate::tracer::Tracer;
 use crate::whitted;
 
-/// What a picture is to be like.
+/// Settings of one rendering.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderOptions {
-    /// In pixels, at least 1.
+    /// Width of the picture in pixels, at least 1.
     pub width: u32,
-    /// In pixels, at least 1.
+    /// Height of the picture in pixels, at least 1.
     pub height: u32,
-    /// How light is followed.
+    /// The light transport to simulate.
     pub method: RenderMethod,
-    /// How often rays are mirrored, refracted or scattered.
+    /// Maximum number of reflections, refractions or scattering events along a path. 0 traces primary and shadow rays only.
     pub bounces: u32,
-    /// Lights that are used, in the order of the file.
+    /// Number of lights to use, taken in file order. `usize::MAX` uses all of them.
     pub lights: usize,
-    /// Rays for each pixel: so many across, and as many down.
+    /// Samples per pixel along each axis: a pixel takes `subpixels`² primary rays. 0 counts as 1.
     pub subpixels: u32,
-    /// Whether surfaces have their textures.
+    /// Whether textures modulate the colors of surfaces.
     pub textures: bool,
 }
 
-/// How light is followed.
+/// The light transport that a rendering simulates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RenderMethod {
-    /// From lights straight to what is seen, by mirrors and through glass, with hard shadows.
+    /// Whitted ray tracing: direct light with hard shadows, perfect mirrors, refraction.
     #[default]
     Whitted,
-    /// Scattered from dull surface to dull surface, by chance: soft light, from the sky too. Mirrors are dull.
+    /// Path tracing of diffuse surfaces, lit by the lights and by the background. Mirrors and glass count as diffuse.
     Diffuse,
 }
 
 impl Default for RenderOptions {
-    /// 800 by 600 pixels, one ray each, two bounces, all lights, textures.
+    /// 800 × 600 pixels, one sample per pixel, Whitted, two bounces, all lights, textures on.
     fn default() -> Self {
         Self {
             width: 800,
@@ -56,23 +56,23 @@ impl Default for RenderOptions {
     }
 }
 
-/// How many rays a picture took, of each kind.
+/// Number of rays traced for a picture, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// From the camera.
+    /// Rays from the camera.
     pub primary: u64,
-    /// To lights.
+    /// Rays from surfaces to lights.
     pub shadow: u64,
-    /// From mirrors.
+    /// Rays reflected by mirrors.
     pub mirrored: u64,
-    /// Into glass and out of it.
+    /// Rays refracted into or out of a transparent body.
     pub refracted: u64,
-    /// Scattered by dull surfaces.
+    /// Rays scattered by diffuse surfaces.
     pub diffuse: u64,
 }
 
 impl RayCounts {
-    /// All of them.
+    /// Sum over all kinds.
     pub fn total(&self) -> u64 {
         self.primary + self.shadow + self.mirrored + self.refracted + self.diffuse
     }
@@ -88,63 +88,63 @@ impl std::ops::AddAssign for RayCounts {
     }
 }
 
-/// Pixels along the side of a tile.
-const TILE: u32 = 32;
-/// Pixels along the side of what is taken together in a tile, as batches of rays like them.
-const BLOCK: u32 = 8;
+/// Side of a bucket in pixels. A bucket is the unit of parallel work.
+const BUCKET: u32 = 32;
+/// Side in pixels of the squares by which a bucket is ordered: at one sample per pixel, 64 consecutive rays are coherent.
+const SQUARE: u32 = 8;
 
-/// A part of a picture.
+/// A rectangle of pixels that one thread renders.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Tile {
+pub(crate) struct Bucket {
     pub(crate) left: u32,
     pub(crate) top: u32,
     pub(crate) width: u32,
     pub(crate) height: u32,
 }
 
-impl Tile {
+impl Bucket {
     fn all(options: &RenderOptions) -> Vec<Self> {
         let (width, height) = (options.width, options.height);
-        let rows = (0..height).step_by(TILE as usize);
-        let tiles = rows.flat_map(|top| {
-            let columns = (0..width).step_by(TILE as usize);
+        let rows = (0..height).step_by(BUCKET as usize);
+        let buckets = rows.flat_map(|top| {
+            let columns = (0..width).step_by(BUCKET as usize);
             columns.map(move |left| Self {
                 left,
                 top,
-                width: TILE.min(width - left),
-                height: TILE.min(height - top),
+                width: BUCKET.min(width - left),
+                height: BUCKET.min(height - top),
             })
         });
-        tiles.collect()
+        buckets.collect()
     }
 
-    /// Its pixels, block by block.
+    /// Column and row of each pixel in the picture, square by square.
     pub(crate) fn pixels(self) -> impl Iterator<Item = [u32; 2]> {
-        let blocks = self.height.div_ceil(BLOCK) * self.width.div_ceil(BLOCK);
-        (0..blocks).flat_map(move |block| {
-            let across = self.width.div_ceil(BLOCK);
-            let (left, top) = (block % across * BLOCK, block / across * BLOCK);
-            let (right, bottom) = (self.width.min(left + BLOCK), self.height.min(top + BLOCK));
+        let squares = self.height.div_ceil(SQUARE) * self.width.div_ceil(SQUARE);
+        (0..squares).flat_map(move |square| {
+            let across = self.width.div_ceil(SQUARE);
+            let (left, top) = (square % across * SQUARE, square / across * SQUARE);
+            let (right, bottom) = (self.width.min(left + SQUARE), self.height.min(top + SQUARE));
             let rows = top..bottom;
             rows.flat_map(move |y| (left..right).map(move |x| [self.left + x, self.top + y]))
         })
     }
 
-    /// Places in the picture, from 0 to 1, those of a pixel one after the other.
+    /// Positions of the samples in the picture, from 0 to 1 along each axis. The samples of a pixel are consecutive.
     pub(crate) fn samples(self, options: &RenderOptions) -> impl Iterator<Item = [f32; 2]> {
         let sub = options.subpixels.max(1);
         let size = [options.width, options.height].map(|pixels| pixels as f32 * sub as f32);
         self.pixels().flat_map(move |[column, row]| {
             (0..sub * sub).map(move |i| {
-                let place = [column * sub + i % sub, row * sub + i / sub];
-                [0, 1].map(|axis| (place[axis] as f32 + 0.5) / size[axis])
+                let cell = [column * sub + i % sub, row * sub + i / sub];
+                [0, 1].map(|axis| (cell[axis] as f32 + 0.5) / size[axis])
             })
         })
     }
 }
 
-/// Everything that is the same for all tiles of a picture.
-pub(crate) struct Shot<'a, T> {
+/// The inputs that all buckets of a picture share.
+pub(crate) struct RenderContext<'a, T> {
     pub(crate) stage: &'a Stage,
     pub(crate) tracer: &'a T,
     pub(crate) options: &'a RenderOptions,
@@ -152,25 +152,27 @@ pub(crate) struct Shot<'a, T> {
     view: View,
 }
 
-impl<T> Shot<'_, T> {
-    /// The ray through a place of the picture.
+impl<T> RenderContext<'_, T> {
+    /// The primary ray through a position of the picture, from 0 to 1 along each axis.
     pub(crate) fn ray_through(&self, [x, y]: [f32; 2]) -> Ray {
         Ray::new(self.view.eye, self.view.direction(x, y))
     }
 }
 
-/// A picture, and the rays that it took.
+/// A picture and the number of rays that it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
-    /// What is seen.
+    /// The rendered image.
     pub picture: Picture,
-    /// What that took.
+    /// The rays traced for it.
     pub rays: RayCounts,
 }
 
-/// Makes a picture of a stage as it is now, on the threads of the pool in scope (rayon's).
+/// Renders `stage`, at the time it shows, on the threads of the current rayon pool.
 ///
-/// It does not depend on the number of threads. `watch` is told after each tile how many rays it took.
+/// `tracer` answers the rays; it must hold the same triangles as the stage, as [`Stage::tracer`] does. The picture does not
+/// depend on the number of threads. After each bucket of at most 32 × 32 pixels, `watch` receives the number of rays that the
+/// bucket took, on the thread that rendered it.
 ///
 /// ```
 /// use kd_render::{RenderOptions, Stage, render};
@@ -183,7 +185,7 @@ pub struct Rendering {
 /// let options = RenderOptions { width: 64, height: 48, ..RenderOptions::default() };
 /// let rendering = render(&stage, &stage.tracer(), &stage.camera(), &options, &|_| {});
 /// let middle = rendering.picture.at(32, 24);
-/// assert!(middle.x > 0.9 && middle.y == 0.0, "red: {middle}");
+/// assert!(middle.x > 0.9 && middle.y == 0.0, "the ball is red: {middle}");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn render(
@@ -194,31 +196,31 @@ pub fn render(
     watch: &(dyn Fn(&RayCounts) + Sync),
 ) -> Rendering {
     let (width, height) = (options.width, options.height);
-    let shot = Shot {
+    let context = RenderContext {
         stage,
         tracer,
         options,
         lights: stage.lights(options.lights),
         view: camera.view(width as f32 / height as f32),
     };
-    let tiles: Vec<_> = Tile::all(options)
+    let buckets: Vec<_> = Bucket::all(options)
         .into_par_iter()
-        .map(|tile| {
+        .map(|bucket| {
             let (colors, counts) = match options.method {
-                RenderMethod::Whitted => whitted::trace(&shot, &tile),
-                RenderMethod::Diffuse => path_tracer::trace(&shot, &tile),
+                RenderMethod::Whitted => whitted::trace(&context, &bucket),
+                RenderMethod::Diffuse => path_tracer::trace(&context, &bucket),
             };
             watch(&counts);
-            (tile, colors, counts)
+            (bucket, colors, counts)
         })
         .collect();
     let mut picture = Picture::new(width, height, Vec3::ZERO, stage.description().colors);
     let mut rays = RayCounts::default();
     let samples = options.subpixels.max(1).pow(2) as usize;
-    for (tile, colors, counts) in tiles {
+    for (bucket, colors, counts) in buckets {
         rays += counts;
-        for ([column, row], samples) in tile.pixels().zip(colors.chunks(samples)) {
-            // What is cut off is cut off before it is blended, so that edges of bright things are smooth.
+        for ([column, row], samples) in bucket.pixels().zip(colors.chunks(samples)) {
+            // Clamping before averaging keeps the edges of overexposed surfaces smooth.
             let shown = samples.iter().map(|color| color.min(Vec3::ONE));
             picture.set(column, row, shown.sum::<Vec3>() / samples.len() as f32);
         }

@@ -1,4 +1,4 @@
-//! Light that would reach points, if nothing were in the way.
+//! Shadow rays, traced as one batch.
 
 use kd::Ray;
 use kd::glam::Vec3;
@@ -8,18 +8,19 @@ use crate::stage::ShownLight;
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
-/// Rays to lights, which are asked together, and what each adds to which sample if it gets there.
+/// Rays from surface points to lights, with the contribution of each if it is not occluded.
 #[derive(Debug)]
-pub(crate) struct Shadows {
+pub(crate) struct ShadowRays {
     rays: Vec<Ray>,
-    lit: Vec<(usize, Vec3)>,
+    /// For each ray, the sample and the color to add to it.
+    contributions: Vec<(usize, Vec3)>,
 }
 
-impl Shadows {
+impl ShadowRays {
     pub(crate) fn with_capacity(rays: usize) -> Self {
         Self {
             rays: Vec::with_capacity(rays),
-            lit: Vec::with_capacity(rays),
+            contributions: Vec::with_capacity(rays),
         }
     }
 
@@ -31,15 +32,15 @@ impl Shadows {
         color: Vec3,
     ) {
         self.rays.push(Ray::between(point.above(), light.position));
-        self.lit.push((sample, color));
+        self.contributions.push((sample, color));
     }
 
-    /// Adds what gets there.
+    /// Traces all rays, and adds the contributions of those that reach their light.
     pub(crate) fn add(self, tracer: &impl Tracer, colors: &mut [Vec3], counts: &mut RayCounts) {
         let mut occluded = vec![false; self.rays.len()];
         tracer.occluded(&self.rays, &mut occluded);
         counts.shadow += self.rays.len() as u64;
-        for ((sample, color), occluded) in self.lit.into_iter().zip(occluded) {
+        for ((sample, color), occluded) in self.contributions.into_iter().zip(occluded) {
             if !occluded {
                 colors[sample] += color;
             }

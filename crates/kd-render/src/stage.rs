@@ -1,4 +1,4 @@
-//! A scene that can be seen: its description, its trees, and its textures.
+//! A scene ready to render: its description, its trees and its textures.
 
 use std::sync::Arc;
 
@@ -13,81 +13,83 @@ use thiserror::Error;
 use crate::texture::TextureImage;
 use crate::tracer::FrameTracer;
 
-/// A scene that can be seen, at one time of its animation.
+/// A scene ready to render, at one time of its animation.
 #[derive(Debug)]
 pub struct Stage {
     description: SceneDescription,
     scene: Scene,
-    /// For each part of the description its part of the scene, and where that is, unless it is not seen now.
+    /// For each part of the description, its id in the scene and its current transform; `None` while it is invisible.
     parts: Vec<Option<(PartId, Affine3A)>>,
-    /// Those that are seen, in the order of their ids, and their numbers.
-    numbers: Vec<(PartId, usize)>,
+    /// The visible parts in order of their ids, each with its index in the description.
+    part_indices: Vec<(PartId, usize)>,
     shown: Vec<ShownPart>,
     textures: Vec<Option<TextureImage>>,
     time: f64,
     warnings: Vec<String>,
-    /// A light for scenes that have none.
-    spare_light: Option<Vec3>,
+    /// Position of a default light, for scenes without lights.
+    default_light: Option<Vec3>,
 }
 
-/// A part as it is seen now.
+/// The geometry of a part at the current time.
 #[derive(Clone, Debug)]
 pub(crate) struct ShownPart {
-    /// Where its triangles are.
+    /// Triangles in scene coordinates.
     pub(crate) mesh: Arc<Mesh>,
-    /// For the normals of its corners.
+    /// Transforms vertex normals to scene coordinates.
     pub(crate) inverse_transpose: Mat3A,
-    /// Normals of what changes its shape, in the coordinates of its node.
+    /// Vertex normals of a deformed part, in the coordinates of its node; empty if the part does not deform.
     pub(crate) morphed_normals: Vec<[Vec3; 3]>,
 }
 
-/// A light as it shines now.
+/// A light at the current time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ShownLight {
     pub(crate) position: Vec3,
     pub(crate) color: Vec3,
 }
 
-/// Why a scene cannot be seen.
+/// Why a [`Stage`] cannot be built or moved.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StageError {
-    /// A part cannot be added.
+    /// The scene refuses a part.
     #[error("part `{part}`: {error}")]
     Scene {
-        /// What the file calls it.
+        /// Name of the part in the file.
         part: String,
-        /// What is wrong with it.
+        /// Error of the scene.
         error: SceneError,
     },
-    /// A part is moved to where f32 ends.
+    /// A deformed part has a position that is not finite in `f32`.
     #[error("part `{part}` at {time} s: {error}")]
     Mesh {
-        /// What the file calls it.
+        /// Name of the part in the file.
         part: String,
-        /// When, in seconds.
+        /// Time in seconds.
         time: f64,
-        /// What is wrong with it.
+        /// Error of the mesh.
         error: MeshError,
     },
-    /// A frame cannot be made.
+    /// The scene cannot be committed.
     #[error("at {time} s: {error}")]
     Commit {
-        /// When, in seconds.
+        /// Time in seconds.
         time: f64,
-        /// What the scene says.
+        /// Error of the commit.
         error: CommitError,
     },
 }
 
 impl Stage {
-    /// Builds what stands still, and shows the scene as it is when its animation begins.
+    /// Builds all trees, decodes the textures, and shows the scene at the start of its animation.
     ///
-    /// What cannot be found, textures above all, is made do without, with a [warning](Self::warnings).
+    /// `options` selects the builder of static parts, `strategy` the way frames are made. A texture that cannot be read is
+    /// replaced by white, with a [warning](Self::warnings). A scene without lights gets a white one, at the camera or above the
+    /// bounding box.
     ///
     /// # Errors
     ///
-    /// [`StageError`] if there are too many triangles, or if a tree cannot be built.
+    /// [`StageError`] if the scene has too many triangles, or if a tree cannot be built.
     pub fn new(
         description: SceneDescription,
         options: BuildOptions,
@@ -102,7 +104,7 @@ impl Stage {
                         TextureSource::File(path) => path.display().to_string(),
                         TextureSource::Bytes(_) => texture.name.clone(),
                     };
-                    warnings.push(format!("{name}: {error}; a plain colour is used"));
+                    warnings.push(format!("{name}: {error}; using a plain color instead"));
                 })
                 .ok()
         });
@@ -114,12 +116,12 @@ impl Stage {
             parts: vec![None; description.parts.len()],
             description,
             scene,
-            numbers: Vec::new(),
+            part_indices: Vec::new(),
             shown: Vec::new(),
             textures,
             time: start,
             warnings,
-            spare_light: None,
+            default_light: None,
         };
         stage.show(start)?;
         if stage.description.lights.is_empty() {
@@ -127,26 +129,26 @@ impl Stage {
                 Some(camera) => camera.eye,
                 None => light_above(stage.bounds(), Vec3::Y),
             };
-            stage.spare_light = Some(light);
-            let warning = "the scene has no light; one is put where it is seen from";
+            stage.default_light = Some(light);
+            let warning = "the scene has no light; adding one at the viewpoint";
             stage.warnings.push(warning.to_owned());
         }
         Ok(stage)
     }
 
-    /// Moves everything to where it is at a time, in seconds, and tells what that took.
+    /// Moves all parts to their positions at `time`, in seconds, commits the frame, and reports what the commit did.
     ///
     /// # Errors
     ///
-    /// [`StageError`] if something is moved to where f32 ends.
+    /// [`StageError`] if a position at that time is not finite in `f32`.
     pub fn show(&mut self, time: f64) -> Result<CommitReport, StageError> {
         let nodes = self.description.placed_nodes(time);
-        for (place, part) in self.description.parts.iter().enumerate() {
+        for (index, part) in self.description.parts.iter().enumerate() {
             let transform = SceneDescription::placed_part(part, &nodes);
             let is_visible = self.description.is_visible(part, time);
             let transform = is_visible.then_some(transform);
             let deformed = part.deformed(time, &nodes);
-            let placed = &mut self.parts[place];
+            let placed = &mut self.parts[index];
             update(&mut self.scene, placed, part, transform, deformed, time)?;
         }
         let report = self.scene.commit();
@@ -168,49 +170,49 @@ impl Stage {
             .parts
             .iter()
             .zip(0..)
-            .filter_map(|(placed, number)| placed.map(|(id, _)| (id, number)));
-        self.numbers = seen.collect();
-        self.numbers.sort_unstable();
+            .filter_map(|(placed, index)| placed.map(|(id, _)| (id, index)));
+        self.part_indices = seen.collect();
+        self.part_indices.sort_unstable();
         self.time = time;
         Ok(report)
     }
 
-    /// What is seen, as a file describes it.
+    /// The scene description.
     pub fn description(&self) -> &SceneDescription {
         &self.description
     }
 
-    /// The trees of what is seen.
+    /// The scene that holds the trees.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The time that is shown, in seconds.
+    /// The current time in seconds.
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// What was made do without.
+    /// Warnings of the reader and of [`new`](Self::new), in the order in which they arose.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The box around everything that is seen.
+    /// The bounding box of all visible parts at the current time.
     pub fn bounds(&self) -> Aabb {
         self.scene.frame().bounds()
     }
 
-    /// The camera of the scene at this time, or one that sees all of it.
+    /// The camera of the scene at the current time, or one that sees all of [`bounds`](Self::bounds).
     pub fn camera(&self) -> Camera {
         let own = self.description.camera_at(self.time);
         own.unwrap_or_else(|| Camera::looking_at_whole(self.bounds(), Vec3::Y))
     }
 
-    /// What answers rays, as the scene is now.
+    /// The current frame, for [`render`](crate::render). It borrows, and costs nothing.
     pub fn tracer(&self) -> FrameTracer<'_> {
         FrameTracer {
             frame: self.scene.frame().data(),
-            numbers: &self.numbers,
+            part_indices: &self.part_indices,
         }
     }
 
@@ -222,9 +224,9 @@ impl Stage {
         self.textures.get(number as usize)?.as_ref()
     }
 
-    /// The lights, or the first so many of them.
-    pub(crate) fn lights(&self, most: usize) -> Vec<ShownLight> {
-        let spare = self.spare_light.map(|position| ShownLight {
+    /// The first `max` lights at the current time.
+    pub(crate) fn lights(&self, max: usize) -> Vec<ShownLight> {
+        let default = self.default_light.map(|position| ShownLight {
             position,
             color: Vec3::ONE,
         });
@@ -232,11 +234,11 @@ impl Stage {
             position: light.position_at(self.time),
             color: light.color,
         });
-        own.chain(spare).take(most).collect()
+        own.chain(default).take(max).collect()
     }
 }
 
-/// Brings a part to where it is, adds it or, without a transform, takes it out. What has not moved is not touched.
+/// Adds a part, moves it, or removes it if `transform` is `None`. A part that did not move is left alone.
 fn update(
     scene: &mut Scene,
     placed: &mut Option<(PartId, Affine3A)>,
@@ -284,7 +286,7 @@ fn update(
             placed
         }
     };
-    // It is in the scene, whether or not it can be moved.
+    // Recorded before the transform is set: the part stays in the scene if that fails.
     *placed = Some((id, before));
     if transform != before {
         scene.set_transform(id, transform).map_err(fail)?;
@@ -293,7 +295,7 @@ fn update(
     Ok(())
 }
 
-/// What turns normals as a transform turns surfaces; of those that flatten, something.
+/// The inverse transpose, which transforms normals; the matrix itself if it is singular.
 fn inverse_transpose(transform: &Affine3A) -> Mat3A {
     let matrix = transform.matrix3.as_dmat3();
     if matrix.determinant() == 0.0 {

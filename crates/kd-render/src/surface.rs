@@ -1,4 +1,4 @@
-//! What a ray meets: a point, its normals, and its colours.
+//! The surface point that a ray hits: position, normals and colors.
 
 use kd::glam::{DVec3, Vec2, Vec3, Vec3A};
 use kd::{Ray, offset_origin};
@@ -7,23 +7,24 @@ use kd_scene::{Material, Surface};
 use crate::stage::Stage;
 use crate::tracer::PartHit;
 
-/// A point of a surface, seen along a ray.
+/// A surface point at the hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePoint<'a> {
+    /// Position in scene coordinates.
     pub(crate) at: Vec3,
-    /// Of unit length, on the side that the ray comes from.
+    /// Unit normal of the triangle, towards the origin of the ray.
     pub(crate) flat_normal: Vec3,
-    /// Of unit length, of the smooth surface, on the same side.
+    /// Unit shading normal, interpolated where the surface is smooth, on the same side as `flat_normal`.
     pub(crate) normal: Vec3,
-    /// Whether the ray comes from outside.
+    /// Whether the ray arrives from the outside of the surface.
     pub(crate) is_outside: bool,
     pub(crate) material: &'a Material,
-    /// The colour of its texture, by which those of the material are multiplied.
+    /// Color of the texture, a factor on the colors of the material; 1 without a texture.
     pub(crate) texture: Vec3,
 }
 
 impl<'a> SurfacePoint<'a> {
-    /// Nothing for triangles without area, which have no side.
+    /// `None` if the triangle has no area and thus no normal.
     #[inline]
     pub(crate) fn new(
         stage: &'a Stage,
@@ -51,7 +52,7 @@ impl<'a> SurfacePoint<'a> {
             Vec3::from(shown.inverse_transpose * Vec3A::from(normal)).normalize_or_zero()
         });
         let smooth = smooth.filter(|normal| *normal != Vec3::ZERO);
-        // Which side is outside is what the normals of the file say, where there are any.
+        // Vertex normals of the file decide which side is outside; without them, the order of the corners does.
         let outwards = smooth.unwrap_or(flat_normal);
         let flat_outwards = if outwards.dot(flat_normal) < 0.0 {
             -flat_normal
@@ -62,7 +63,7 @@ impl<'a> SurfacePoint<'a> {
         let side = if is_outside { 1.0 } else { -1.0 };
         let flat_normal = side * flat_outwards;
         let mut normal = side * outwards;
-        // Smooth normals at the edge of what is seen may look away.
+        // Near a silhouette, an interpolated normal may point away from the origin of the ray.
         if normal.dot(ray.direction) > 0.0 {
             normal = (normal - normal.project_onto(ray.direction)).normalize_or(flat_normal);
         }
@@ -80,12 +81,12 @@ impl<'a> SurfacePoint<'a> {
         })
     }
 
-    /// Where a ray starts that leaves to the side that was seen.
+    /// Origin for a ray that leaves on the side of the incoming ray.
     pub(crate) fn above(&self) -> Vec3 {
         offset_origin(self.at, self.flat_normal)
     }
 
-    /// Where a ray starts that goes on through the surface.
+    /// Origin for a ray that continues behind the surface.
     pub(crate) fn below(&self) -> Vec3 {
         offset_origin(self.at, -self.flat_normal)
     }

@@ -1,22 +1,22 @@
-//! Pictures on surfaces.
+//! Texture lookup.
 
 use image::{ImageError, RgbImage};
 use kd::glam::Vec3;
 use kd_scene::{ColorSpace, TextureSource};
 
-/// A picture, repeated in both directions.
+/// An image that repeats in both directions.
 #[derive(Clone, Debug)]
 pub(crate) struct TextureImage {
     width: u32,
     height: u32,
-    /// By rows from above; a fourth byte, which is not used, keeps each in one word.
+    /// Row by row from the top; the unused fourth byte aligns a texel to 32 bits.
     texels: Vec<[u8; 4]>,
-    /// What each byte means.
+    /// The channel value of each byte, decoded from the color space of the scene.
     decoded: Box<[f32; 256]>,
 }
 
 impl TextureImage {
-    /// Reads PNG, JPEG, or PPM and its kin, whatever the file is called.
+    /// Decodes PNG, JPEG or PNM. The content decides the format, not the file name.
     pub(crate) fn load(source: &TextureSource, colors: ColorSpace) -> Result<Self, ImageError> {
         let image = match source {
             TextureSource::File(path) => image::ImageReader::open(path)?
@@ -41,19 +41,19 @@ impl TextureImage {
         }
     }
 
-    /// The colour at a place, blended from the four texels around it.
+    /// The bilinearly filtered color at texture coordinates `[u, v]`, which repeat with period 1. White if they are not finite.
     pub(crate) fn at(&self, [u, v]: [f32; 2]) -> Vec3 {
         if self.texels.is_empty() || !(u.is_finite() && v.is_finite()) {
             return Vec3::ONE;
         }
-        // Centres of texels are at halves.
-        let place = |x: f32, count: u32| {
+        // Texel centers are at half-integers.
+        let neighbors = |x: f32, count: u32| {
             let x = (x - x.floor()) * count as f32 - 0.5;
             let before = x.floor();
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "before the first is the last; beyond the last rounding leads to the first"
+                reason = "-0.5 wraps to the last texel; a value rounded up to `count` wraps to the first"
             )]
             let first = if before < 0.0 {
                 count - 1
@@ -62,8 +62,8 @@ impl TextureImage {
             };
             (first, (first + 1) % count, x - before)
         };
-        let (left, right, across) = place(u, self.width);
-        let (above, below, down) = place(v, self.height);
+        let (left, right, across) = neighbors(u, self.width);
+        let (above, below, down) = neighbors(v, self.height);
         let texel = |column: u32, row: u32| {
             let [red, green, blue, _] =
                 self.texels[row as usize * self.width as usize + column as usize];
@@ -80,22 +80,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_are_blended_and_repeat() {
+    fn lookups_are_bilinear_and_periodic() {
         let mut image = RgbImage::new(2, 1);
         image.put_pixel(0, 0, image::Rgb([255, 0, 0]));
         image.put_pixel(1, 0, image::Rgb([0, 0, 255]));
         let texture = TextureImage::new(&image, ColorSpace::Display);
-        assert_eq!(texture.at([0.25, 0.9]), Vec3::X, "the middle of a texel");
-        assert_eq!(texture.at([0.5, 0.5]), Vec3::new(0.5, 0.0, 0.5), "half way");
+        assert_eq!(texture.at([0.25, 0.9]), Vec3::X, "center of a texel");
+        assert_eq!(
+            texture.at([0.5, 0.5]),
+            Vec3::new(0.5, 0.0, 0.5),
+            "halfway between two texels"
+        );
         assert_eq!(
             texture.at([0.0, 0.5]),
             Vec3::new(0.5, 0.0, 0.5),
-            "over the edge"
+            "across the border"
         );
-        assert_eq!(texture.at([-4.75, 7.0]), Vec3::X, "far away");
-        for place in [[1e30, -1e30], [1.0 - f32::EPSILON / 2.0, 1.0], [-1e-9, 0.0]] {
-            assert!(texture.at(place).is_finite(), "{place:?}");
+        assert_eq!(texture.at([-4.75, 7.0]), Vec3::X, "several periods away");
+        for uv in [[1e30, -1e30], [1.0 - f32::EPSILON / 2.0, 1.0], [-1e-9, 0.0]] {
+            assert!(texture.at(uv).is_finite(), "{uv:?}");
         }
-        assert_eq!(texture.at([f32::NAN, 0.0]), Vec3::ONE, "nowhere");
+        assert_eq!(texture.at([f32::NAN, 0.0]), Vec3::ONE, "not finite");
     }
 }

@@ -1,63 +1,96 @@
-//! What answers rays.
+//! The interface between the renderer and the structure that answers its rays.
 
 use kd::{FrameData, Hit, PartId, Ray};
+use kd_trace::RayQuery;
 
-/// Where a ray meets a part of a scene.
+/// A hit on a part of a scene description.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartHit {
-    /// The number of the part in [`SceneDescription::parts`](kd_scene::SceneDescription::parts).
+    /// Index of the part in [`SceneDescription::parts`](kd_scene::SceneDescription::parts).
     pub part: usize,
-    /// Its triangle is that of the part.
+    /// The hit; its triangle is an index into the mesh of the part.
     pub hit: Hit,
 }
 
-/// Anything that a renderer can ask where rays end. Answers to the same rays must be the same.
+/// The two batch queries that a renderer needs.
+///
+/// Every [`RayQuery`] whose hits are [`PartHit`] is a tracer. The narrower trait exists for structures that cannot list
+/// [all hits of a ray](RayQuery::hits), such as the rivals that the benchmarks render with.
+///
+/// Equal rays must get equal answers, on every thread.
 pub trait Tracer: Sync {
-    /// The closest hit of each ray.
+    /// The closest hit of each ray, in order.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
     fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]);
 
-    /// Whether each ray has any hit.
+    /// Whether each ray has any hit, in order.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
 }
 
-impl<T: Tracer> Tracer for &T {
+impl<Q: RayQuery<Hit = PartHit> + Sync> Tracer for Q {
     fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
-        T::intersect(self, rays, hits);
+        self.intersect_batch(rays, hits);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        T::occluded(self, rays, occluded);
+        self.occluded_batch(rays, occluded);
     }
 }
 
-/// A frame of a scene, asked in batches.
+/// A frame of a [`Stage`](crate::Stage), whose hits name parts by their index in the scene description.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTracer<'a> {
     pub(crate) frame: &'a FrameData,
-    /// Parts of the frame, in the order of their ids, and their numbers in the description.
-    pub(crate) numbers: &'a [(PartId, usize)],
+    /// The parts of the frame in order of their ids, each with its index in the description.
+    pub(crate) part_indices: &'a [(PartId, usize)],
 }
 
 impl FrameTracer<'_> {
-    fn number_of(&self, id: PartId) -> usize {
-        let found = self.numbers.binary_search_by_key(&id, |(id, _)| *id);
-        self.numbers[found.expect("every part of the frame is of the description")].1
+    fn part_hit(&self, (id, hit): (PartId, Hit)) -> PartHit {
+        let found = self.part_indices.binary_search_by_key(&id, |(id, _)| *id);
+        let found = found.expect("every part of the frame is in the description");
+        PartHit {
+            part: self.part_indices[found].1,
+            hit,
+        }
     }
 }
 
-impl Tracer for FrameTracer<'_> {
-    fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
+impl RayQuery for FrameTracer<'_> {
+    type Hit = PartHit;
+
+    fn intersect(&self, ray: &Ray) -> Option<PartHit> {
+        self.frame.intersect(ray).map(|found| self.part_hit(found))
+    }
+
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.frame.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<PartHit>) {
+        let mut found = Vec::new();
+        self.frame.hits(ray, max, &mut found);
+        out.clear();
+        out.extend(found.into_iter().map(|found| self.part_hit(found)));
+    }
+
+    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut found = vec![None; rays.len()];
         self.frame.intersect_batch(rays, &mut found);
         for (hit, found) in hits.iter_mut().zip(found) {
-            *hit = found.map(|(id, hit)| PartHit {
-                part: self.number_of(id),
-                hit,
-            });
+            *hit = found.map(|found| self.part_hit(found));
         }
     }
 
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         self.frame.occluded_batch(rays, occluded);
     }
 }

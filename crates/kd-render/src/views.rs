@@ -1,4 +1,4 @@
-//! Views of the tree itself, so that one sees what a builder did.
+//! Views of the tree: heat maps, leaf depths, and the cells of a level.
 
 use kd::glam::{DVec3, Vec3};
 use kd::{Aabb, Hit, KdTree, NodeIndex, NodeView, Ray, Tree};
@@ -7,30 +7,30 @@ use rayon::prelude::*;
 
 use crate::picture::Picture;
 
-/// A number for each pixel, as colours.
+/// A false-color picture of one number per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heat {
-    /// From dark to bright.
+    /// The picture, from dark (0) to bright ([`brightest`](Self::brightest) and above).
     pub picture: Picture,
-    /// The mean over all pixels.
+    /// Mean of the numbers over all pixels.
     pub mean: f64,
-    /// What is shown as the brightest colour; of 200 pixels one may have more.
+    /// The number shown in the brightest color: the 99.5th percentile, at least 1.
     pub brightest: u64,
 }
 
 impl Heat {
-    /// Numbers by rows from above, as many as there are pixels.
+    /// Colors `numbers`, given row by row from the top, in an image of `[width, height]` pixels.
     ///
     /// # Panics
     ///
-    /// If there are others.
+    /// If the length of `numbers` is not `width * height`.
     pub fn new([width, height]: [u32; 2], numbers: &[u64]) -> Self {
         let mut picture = Picture::new(width, height, Vec3::ZERO, ColorSpace::Display);
-        assert_eq!(numbers.len(), picture.pixels.len(), "one for each pixel");
+        assert_eq!(numbers.len(), picture.pixels.len(), "one number per pixel");
         let mut sorted = numbers.to_vec();
         sorted.sort_unstable();
-        let place = numbers.len().saturating_sub(1) * 199 / 200;
-        let brightest = sorted.get(place).map_or(1, |number| (*number).max(1));
+        let index = numbers.len().saturating_sub(1) * 199 / 200;
+        let brightest = sorted.get(index).map_or(1, |number| (*number).max(1));
         for (pixel, number) in picture.pixels.iter_mut().zip(numbers) {
             let color = heat_color(*number as f64 / brightest as f64);
             *pixel = ColorSpace::Display.decoded(color);
@@ -43,13 +43,13 @@ impl Heat {
     }
 }
 
-/// The colour for a share of the scale, from 0 to 1; above it the brightest.
+/// The color at `share` of the scale, from 0 (dark) to 1 (bright); clamped outside of that range.
 pub fn heat_color(share: f64) -> [u8; 3] {
     let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(share.clamp(0.0, 1.0));
     [r, g, b]
 }
 
-/// What the ray of each pixel costs: nodes, leaves and triangles that it looks at.
+/// The cost of the primary ray of each pixel: the sum of nodes, leaves and triangles that it visits.
 pub fn heat_map(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
     by_pixel(camera, size, |ray| {
         let (_, counts) = tree.intersect_counted(ray);
@@ -57,8 +57,9 @@ pub fn heat_map(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
     })
 }
 
-/// How many levels are above the leaf in which the ray of each pixel ends, 0 where it meets nothing: of the kd-tree, whatever
-/// it is traced through.
+/// The depth of the leaf in which the primary ray of each pixel ends; 0 on a miss.
+///
+/// The depth is that of the kd-tree, in every layout.
 pub fn leaf_depths(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
     by_pixel(camera, size, |ray| {
         let hit = tree.intersect(ray);
@@ -66,14 +67,14 @@ pub fn leaf_depths(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
     })
 }
 
-/// Levels above the leaf where a hit is.
+/// The depth of the leaf that holds a hit; the root has depth 0.
 fn leaf_depth(tree: &Tree, ray: &Ray, hit: &Hit) -> u32 {
     let point = hit.point(ray);
-    let mut place = tree.root();
+    let mut node = tree.root();
     let mut depth = 0;
-    while let NodeView::Interior { axis, split, first } = tree.nodes()[place.index()].view() {
+    while let NodeView::Interior { axis, split, first } = tree.nodes()[node.index()].view() {
         let is_above = point[axis.index()] > split;
-        place = if is_above { first.sibling() } else { first };
+        node = if is_above { first.sibling() } else { first };
         depth += 1;
     }
     depth
@@ -91,13 +92,13 @@ fn by_pixel(camera: &Camera, [width, height]: [u32; 2], of: impl Fn(&Ray) -> u32
     Heat::new([width, height], &rows.collect::<Vec<u64>>())
 }
 
-/// Draws the cells of all nodes of a level over a picture, and of leaves above it; those that are empty are left out.
+/// Draws over `picture` the cells of the nodes at depth `level`, and of the leaves above that depth. Empty leaves are skipped.
 pub fn draw_boxes(picture: &mut Picture, tree: &KdTree, camera: &Camera, level: u32) {
     let view = camera.view(picture.width as f32 / picture.height as f32);
     let tree = tree.tree();
     let mut cells = vec![(tree.root(), tree.bounds(), 0)];
-    while let Some((place, cell, depth)) = cells.pop() {
-        match tree.nodes()[place.index()].view() {
+    while let Some((node, cell, depth)) = cells.pop() {
+        match tree.nodes()[node.index()].view() {
             NodeView::Interior { axis, split, first } if depth < level => {
                 let (lower, upper) = cell.split(axis, split);
                 let children: [(NodeIndex, Aabb); 2] = [(first, lower), (first.sibling(), upper)];
@@ -126,32 +127,32 @@ fn draw_box(picture: &mut Picture, view: &View, cell: &Aabb, color: Vec3) {
     }
 }
 
-/// How near to the eye lines begin, in units of the distance to the middle of the picture.
+/// Depth of the near plane at which lines are clipped, in scene units along the view direction.
 const NEAR: f64 = 1e-3;
 
 fn draw_line(picture: &mut Picture, view: &View, ends: [DVec3; 2], color: Vec3) {
     let [forward, right, down] = [view.forward, view.right, view.down].map(|v| v.as_dvec3());
     let mut ends = ends.map(|end| end - view.eye.as_dvec3());
     let depths = ends.map(|end| end.dot(forward));
-    // What is behind the eye is cut off.
+    // Clips the line at the near plane.
     for (i, other) in [(0, 1), (1, 0)] {
         if depths[i] < NEAR {
             if depths[other] < NEAR {
                 return;
             }
-            let part = (NEAR - depths[i]) / (depths[other] - depths[i]);
-            ends[i] = ends[i].lerp(ends[other], part);
+            let fraction = (NEAR - depths[i]) / (depths[other] - depths[i]);
+            ends[i] = ends[i].lerp(ends[other], fraction);
         }
     }
     let size = DVec3::new(f64::from(picture.width), f64::from(picture.height), 0.0);
-    let place = |end: DVec3| {
+    let to_pixel = |end: DVec3| {
         let depth = end.dot(forward);
         let x = end.dot(right) / right.length_squared() / depth;
         let y = end.dot(down) / down.length_squared() / depth;
         DVec3::new(0.5 + 0.5 * x, 0.5 + 0.5 * y, 0.0) * size
     };
-    let [from, to] = ends.map(place);
-    // No longer than it can be seen.
+    let [from, to] = ends.map(to_pixel);
+    // At most one step per pixel, and no more steps than a visible line needs.
     let steps = (to - from)
         .abs()
         .max_element()
@@ -166,7 +167,7 @@ fn draw_line(picture: &mut Picture, view: &View, ends: [DVec3; 2], color: Vec3) 
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "within the picture"
+                reason = "the bounds are checked above"
             )]
             let (column, row) = (at.x as u32, at.y as u32);
             let blended = picture.at(column, row).lerp(color, 0.7);

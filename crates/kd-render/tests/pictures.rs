@@ -1,18 +1,18 @@
-//! Pictures against those that were looked at, against testing every triangle, and on any number of threads.
+//! Pictures are compared with golden images, with a test of every triangle, and across numbers of threads.
 //!
-//! `KD_GOLDEN=write` writes the pictures anew, to be looked at.
+//! `KD_GOLDEN=write` overwrites the golden images, for inspection by eye.
 
 use std::path::{Path, PathBuf};
 
 use kd::glam::Vec3;
-use kd::{BuildOptions, MergeMethod, Ray, Strategy};
+use kd::{BuildOptions, Hit, MergeMethod, Ray, Strategy};
 use kd_core::Mesh;
 use kd_render::{
-    PartHit, Picture, RenderMethod, RenderOptions, Rendering, Stage, Tracer, draw_boxes, heat_map,
+    PartHit, Picture, RenderMethod, RenderOptions, Rendering, Stage, draw_boxes, heat_map,
     leaf_depths, render,
 };
 use kd_scene::{AffOptions, SceneDescription, load_aff, toy_room};
-use kd_trace::brute_force;
+use kd_trace::{RayQuery, brute_force};
 
 const SPHERES: &str = "
 b 0.2 0.3 0.5 v from 1 3 6 at 0 0.6 0 up 0 1 0 angle 40 hither 0.1 resolution 64 48
@@ -63,20 +63,21 @@ tt checks.ppm -1 0 -1 0 2 1 0 -1 2 2 1 2 -1 2 0
 ttp missing.ppm 1 0 -1 0 0 1 0 1 2 0 -1 0.5 0 1 1 1 2 2 -1 0 0 1 1 0
 ";
 
-/// A scene at a time, in a folder with what it names.
+/// The stage of an AFF text at a time, in a temporary folder with its texture.
 fn stage(text: &str, time: f64) -> Stage {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir().expect("a temporary folder");
     let checks = "P3 4 2 255\n255 255 255 40 40 40 200 30 30 40 40 40\n40 40 40 30 30 200 40 40 40 250 250 100\n";
-    std::fs::write(folder.path().join("checks.ppm"), checks).expect("written");
+    std::fs::write(folder.path().join("checks.ppm"), checks).expect("a written file");
     let file = folder.path().join("scene.aff");
-    std::fs::write(&file, text).expect("written");
+    std::fs::write(&file, text).expect("a written file");
     let scene = load_aff(file, &AffOptions::default()).expect("valid");
     staged(scene, time)
 }
 
 fn staged(scene: SceneDescription, time: f64) -> Stage {
-    let mut stage = Stage::new(scene, BuildOptions::best(), Strategy::Auto).expect("small");
-    stage.show(time).expect("near");
+    let mut stage =
+        Stage::new(scene, BuildOptions::best(), Strategy::Auto).expect("within the limits");
+    stage.show(time).expect("finite positions");
     stage
 }
 
@@ -92,7 +93,7 @@ fn picture(stage: &Stage, options: &RenderOptions) -> Rendering {
     render(stage, &stage.tracer(), &stage.camera(), options, &|_| {})
 }
 
-/// Tests every triangle of every part.
+/// Tests every ray against every triangle of every part.
 struct BruteForce {
     meshes: Vec<Mesh>,
 }
@@ -104,10 +105,13 @@ impl BruteForce {
         let placed = parts.map(|part| {
             let to = SceneDescription::placed_part(part, &nodes);
             let mesh = match part.deformed(stage.time(), &nodes) {
-                Some(positions) => &part.mesh.with_positions(positions).expect("near"),
+                Some(positions) => &part
+                    .mesh
+                    .with_positions(positions)
+                    .expect("finite positions"),
                 None => &*part.mesh,
             };
-            mesh.transformed(&to).expect("near")
+            mesh.transformed(&to).expect("finite positions")
         });
         Self {
             meshes: placed.collect(),
@@ -115,31 +119,37 @@ impl BruteForce {
     }
 }
 
-impl Tracer for BruteForce {
-    fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = None;
-            for (part, mesh) in self.meshes.iter().enumerate() {
-                let found = brute_force::intersect(mesh, ray);
-                // Of equal distances the lower part's.
-                if let Some(found) = found
-                    && hit
-                        .as_ref()
-                        .is_none_or(|before: &PartHit| found.t < before.hit.t)
-                {
-                    *hit = Some(PartHit { part, hit: found });
-                }
-            }
-        }
+/// The hits of one mesh, as hits of a part.
+fn of_part(part: usize) -> impl Fn(Hit) -> PartHit {
+    move |hit| PartHit { part, hit }
+}
+
+impl RayQuery for BruteForce {
+    type Hit = PartHit;
+
+    fn intersect(&self, ray: &Ray) -> Option<PartHit> {
+        let parts = self.meshes.iter().enumerate();
+        let found =
+            parts.filter_map(|(part, mesh)| brute_force::intersect(mesh, ray).map(of_part(part)));
+        // The lower part wins among equal distances.
+        found.reduce(|best, next| if next.hit.t < best.hit.t { next } else { best })
     }
 
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self
-                .meshes
-                .iter()
-                .any(|mesh| brute_force::occluded(mesh, ray));
+    fn occluded(&self, ray: &Ray) -> bool {
+        let mut meshes = self.meshes.iter();
+        meshes.any(|mesh| brute_force::occluded(mesh, ray))
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<PartHit>) {
+        out.clear();
+        for (part, mesh) in self.meshes.iter().enumerate() {
+            let mut found = Vec::new();
+            brute_force::hits(mesh, ray, max, &mut found);
+            out.extend(found.into_iter().map(of_part(part)));
         }
+        // The sort is stable, so the lower part stays first among equal distances.
+        out.sort_by(|a, b| a.hit.t.total_cmp(&b.hit.t));
+        out.truncate(max);
     }
 }
 
@@ -149,14 +159,14 @@ fn golden(name: &str) -> PathBuf {
         .join(format!("{name}.png"))
 }
 
-/// How far two pictures are apart: on average, and how many pixels by more than what one does not see.
+/// The mean difference of two pictures, of 255, and the number of pixels that differ visibly (by more than 16).
 fn difference(a: &Picture, b: &image::RgbImage) -> (f64, usize) {
     let a = a.to_image();
-    assert_eq!(a.dimensions(), b.dimensions(), "as large");
+    assert_eq!(a.dimensions(), b.dimensions(), "equal size");
     let (mut sum, mut far) = (0.0, 0);
     for (a, b) in a.pixels().zip(b.pixels()) {
         let apart = a.0.iter().zip(b.0).map(|(a, b)| a.abs_diff(b));
-        let apart = apart.max().expect("three");
+        let apart = apart.max().expect("three channels");
         sum += f64::from(apart);
         far += usize::from(apart > 16);
     }
@@ -164,9 +174,9 @@ fn difference(a: &Picture, b: &image::RgbImage) -> (f64, usize) {
 }
 
 #[test]
-fn pictures_are_those_that_were_looked_at() {
+fn pictures_match_golden_images() {
     let scenes = [
-        ("room", staged(toy_room(1).expect("small"), 1.2)),
+        ("room", staged(toy_room(1).expect("within the limits"), 1.2)),
         ("museum", stage(MUSEUM, 1.3)),
         ("spheres", stage(SPHERES, 0.0)),
         ("textures", stage(TEXTURES, 0.0)),
@@ -181,16 +191,16 @@ fn pictures_are_those_that_were_looked_at() {
         let ours = picture(stage, &options).picture;
         let path = golden(name);
         if std::env::var("KD_GOLDEN").as_deref() == Ok("write") {
-            ours.save(&path).expect("written");
+            ours.save(&path).expect("a written file");
         }
-        let known = image::open(&path).expect("there").to_rgb8();
+        let known = image::open(&path).expect("a golden image").to_rgb8();
         let (mean, far) = difference(&ours, &known);
-        // Sines and powers differ in their last digits from platform to platform: rays at edges may go another way.
+        // Sines and powers differ in the last digits between platforms, so rays near edges may hit another surface.
         assert!(
             mean < 0.5 && far <= 15,
-            "{name}: {mean} of 255 on average, {far} pixels are others"
+            "{name}: mean difference {mean} of 255, {far} pixels differ visibly"
         );
-        // The same by testing every triangle, to the bit, and with as many rays.
+        // A test of every triangle gives the same picture, bit for bit, with as many rays.
         let thumbnail = RenderOptions {
             width: 24,
             height: 18,
@@ -202,14 +212,42 @@ fn pictures_are_those_that_were_looked_at() {
         let by_all = render(stage, &BruteForce::new(stage), &camera, &thumbnail, &|_| {});
         assert!(
             by_tree == by_all,
-            "{name}: another picture by testing every triangle"
+            "{name}: a test of every triangle gives another picture"
         );
     }
 }
 
 #[test]
-fn every_strategy_shows_the_same() {
-    let room = toy_room(1).expect("small");
+fn frame_tracer_equals_brute_force() {
+    let stage = stage(MUSEUM, 1.3);
+    let (tracer, every_triangle) = (stage.tracer(), BruteForce::new(&stage));
+    let view = stage.camera().view(4.0 / 3.0);
+    let (mut of_tree, mut of_all) = (Vec::new(), Vec::new());
+    let mut most = 0;
+    for pixel in 0..40 * 30 {
+        let direction = view.through_pixel(pixel % 40, pixel / 40, 40, 30);
+        let ray = Ray::new(view.eye, direction);
+        assert_eq!(
+            tracer.intersect(&ray),
+            every_triangle.intersect(&ray),
+            "{ray:?}"
+        );
+        assert_eq!(
+            tracer.occluded(&ray),
+            every_triangle.occluded(&ray),
+            "{ray:?}"
+        );
+        tracer.hits(&ray, 3, &mut of_tree);
+        every_triangle.hits(&ray, 3, &mut of_all);
+        assert_eq!(of_tree, of_all, "{ray:?}");
+        most = most.max(of_all.len());
+    }
+    assert_eq!(most, 3, "some ray has several hits");
+}
+
+#[test]
+fn every_strategy_gives_the_same_picture() {
+    let room = toy_room(1).expect("within the limits");
     let mut pictures = vec![];
     for strategy in [
         Strategy::Auto,
@@ -217,9 +255,10 @@ fn every_strategy_shows_the_same() {
         Strategy::Merge(MergeMethod::PartitionTrees),
         Strategy::Rebuild(BuildOptions::fast()),
     ] {
-        let mut stage = Stage::new(room.clone(), BuildOptions::best(), strategy).expect("small");
+        let mut stage =
+            Stage::new(room.clone(), BuildOptions::best(), strategy).expect("within the limits");
         for time in [0.4, 2.0] {
-            stage.show(time).expect("near");
+            stage.show(time).expect("finite positions");
         }
         pictures.push(picture(&stage, &small()));
     }
@@ -227,7 +266,7 @@ fn every_strategy_shows_the_same() {
 }
 
 #[test]
-fn threads_do_not_show() {
+fn thread_count_does_not_change_pictures() {
     let stage = stage(MUSEUM, 0.5);
     for method in [RenderMethod::Whitted, RenderMethod::Diffuse] {
         let options = RenderOptions {
@@ -254,8 +293,8 @@ fn threads_do_not_show() {
 }
 
 #[test]
-fn diffuse_light_is_that_of_a_white_furnace() {
-    // A white body under a white sky cannot be seen.
+fn diffuse_light_passes_the_white_furnace_test() {
+    // A white body under a white sky is invisible.
     let text = "b 1 1 1 fm 0 0 0 1 1 1 0 0 0 0 0 0
         p 3 -1 0 1 1 0 1 0 1.5 0 p 3 1 0 1 0 0 -1 0 1.5 0 p 3 0 0 -1 -1 0 1 0 1.5 0 p 3 0 0 -1 1 0 1 -1 0 1
         v from 0 1 4 at 0 0.5 0 up 0 1 0 angle 30 hither 0.1 resolution 8 8";
@@ -273,16 +312,16 @@ fn diffuse_light_is_that_of_a_white_furnace() {
     assert_eq!(
         far.count(),
         0,
-        "what a convex body gives off, it has from the sky"
+        "a convex body reflects light of the sky only"
     );
 }
 
 #[test]
-fn what_is_missing_is_told_and_done_without() {
+fn missing_textures_and_lights_are_warnings() {
     let with_textures = stage(TEXTURES, 0.0);
     let warnings = with_textures.warnings().join("\n");
     assert!(
-        warnings.contains("missing.ppm") && warnings.contains("plain colour"),
+        warnings.contains("missing.ppm") && warnings.contains("plain color"),
         "{warnings}"
     );
     let dark = stage("s 0 0 0 1", 0.0);
@@ -294,12 +333,12 @@ fn what_is_missing_is_told_and_done_without() {
     let picture = picture(&dark, &small()).picture;
     assert!(
         picture.at(32, 24).max_element() > 0.3,
-        "it is seen all the same, from outside"
+        "the default light makes the sphere visible"
     );
 }
 
 #[test]
-fn a_camera_may_be_anywhere() {
+fn every_camera_gives_finite_pixels() {
     for text in [
         "s 0 0 0 1 v from 0 0 0 at 0 0 1 up 0 1 0 angle 60 hither 0.1 resolution 4 4",
         "s 0 0 0 1 v from 0 0 0 at 0 0 0 up 0 0 0 angle 60 hither 0.1 resolution 4 4",
@@ -317,35 +356,38 @@ fn a_camera_may_be_anywhere() {
 }
 
 #[test]
-fn parts_that_are_not_seen_are_not_there() {
+fn invisible_parts_are_not_rendered() {
     let text = "l 5 5 5 x ball { s 0 0 0 1 } k ball { visibility 2 1 0 2 1 } a 0 3 4
         v from 0 0 4 at 0 0 0 up 0 1 0 angle 60 hither 0.1 resolution 4 4";
     let mut stage = stage(text, 0.0);
     let mut seen = vec![];
     for time in [0.0, 1.5, 2.5, 1.2, 0.5] {
-        stage.show(time).expect("near");
+        stage.show(time).expect("finite positions");
         seen.push(picture(&stage, &small()).picture.at(32, 24) != Vec3::ZERO);
     }
     assert_eq!(seen, [true, false, true, false, true]);
 }
 
 #[test]
-fn a_time_that_cannot_be_shown_does_not_spoil_others() {
+fn a_failed_show_leaves_other_times_intact() {
     let text = "l 5 5 5 x ball { s 0 0 0 1.5 } a 0 3 4
         k ball { scale 4 0 1 1 1 0 0 0 0 1 1 1 0 0 0 2 3e38 1 1 0 0 0 3 3e38 1 1 0 0 0 }
         v from 0 0 4 at 0 0 0 up 0 1 0 angle 60 hither 0.1 resolution 4 4";
     let mut stage = stage(text, 0.0);
     let before = picture(&stage, &small());
-    assert!(stage.show(2.0).is_err(), "out of what f32 can tell");
-    stage.show(0.0).expect("as before");
-    assert!(picture(&stage, &small()) == before, "as before");
+    assert!(stage.show(2.0).is_err(), "positions overflow f32");
+    stage.show(0.0).expect("valid again");
+    assert!(
+        picture(&stage, &small()) == before,
+        "the picture is unchanged"
+    );
 }
 
 #[test]
-fn views_of_the_tree_are_of_that_tree() {
-    let stage = staged(toy_room(1).expect("small"), 0.0);
-    let mesh = stage.description().mesh_at(0.0).expect("near");
-    let tree = kd::KdTree::build(mesh, &BuildOptions::best()).expect("small");
+fn views_agree_with_the_tree() {
+    let stage = staged(toy_room(1).expect("within the limits"), 0.0);
+    let mesh = stage.description().mesh_at(0.0).expect("finite positions");
+    let tree = kd::KdTree::build(mesh, &BuildOptions::best()).expect("within the limits");
     let camera = stage.camera();
     let heat = heat_map(&tree, &camera, [32, 24]);
     assert!(
@@ -355,7 +397,7 @@ fn views_of_the_tree_are_of_that_tree() {
         heat.brightest
     );
     let depths = leaf_depths(&tree, &camera, [32, 24]);
-    let deepest = u64::try_from(tree.stats().depth).expect("64 at most");
+    let deepest = u64::try_from(tree.stats().depth).expect("a depth of at most 64");
     assert!(
         depths.mean > 3.0 && depths.brightest <= deepest,
         "{}, {}",
@@ -372,6 +414,6 @@ fn views_of_the_tree_are_of_that_tree() {
     }
     assert!(
         changed.is_sorted() && changed[2] > 200,
-        "more boxes further down: {changed:?}"
+        "deeper levels draw more boxes: {changed:?}"
     );
 }

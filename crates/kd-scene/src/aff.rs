@@ -1,10 +1,10 @@
-//! AFF, the animated scenes of BART, which extend NFF: J. Lext, U. Assarsson, T. Möller, *BART: A Benchmark for Animated Ray
-//! Tracing*, 2000.
+//! Reader of AFF, the format of BART's animated scenes, which extends NFF: J. Lext, U. Assarsson, T. Möller, *BART: A Benchmark
+//! for Animated Ray Tracing*, 2000.
 
 mod geometry;
 mod motion;
 mod polygon;
-mod words;
+mod tokens;
 
 use std::collections::HashMap;
 use std::io;
@@ -14,57 +14,58 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use crate::draft::{Draft, Look, Place};
+use crate::draft::{PartDraft, SurfaceIds, Transform};
 use crate::error::quoted;
-use crate::files::opened;
-use crate::keys::{Keys, turn};
+use crate::files::read_file;
+use crate::keys::{Keys, rotation_about};
 use crate::tessellate::{RESOLUTION, UnitSphere};
 use crate::{
     Camera, Light, LoadError, Material, Node, SceneDescription, Span, Texture, TextureSource,
 };
-use words::Words;
+use tokens::Tokens;
 
-/// How AFF and NFF files are read.
+/// Options of the reader of AFF and NFF files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AffOptions {
-    /// Whether commands that are not known are left out, with a warning, rather than refused.
+    /// Whether unknown commands are skipped with a warning. Otherwise, they are an error.
     pub lenient: bool,
-    /// Files that are included for more detail than this are left out, until the scene says otherwise. 0 in BART's scenes.
+    /// The initial level of detail: includes of a higher level are skipped, until the scene changes the level. BART's scenes
+    /// use 0.
     pub detail: u32,
-    /// Cells along an edge of the six sides of a sphere, and sides of a quarter of a cone; at least 1.
+    /// Tessellation of spheres and cones, at least 1: a sphere has 12 `resolution`² triangles, a cone 8 `resolution`.
     pub resolution: u32,
-    /// More triangles than this are refused: files that include each other can ask for any number.
-    pub most_triangles: usize,
+    /// Maximum number of triangles. Nested includes could produce any number of them.
+    pub max_triangles: usize,
 }
 
 impl Default for AffOptions {
-    /// Refuses what is not known; spheres of 192 triangles, cones of 32; up to 64 million triangles.
+    /// Unknown commands are errors; spheres have 192 triangles, cones 32; at most 2^26 (67 million) triangles.
     fn default() -> Self {
         Self {
             lenient: false,
             detail: 0,
             resolution: RESOLUTION,
-            most_triangles: 1 << 26,
+            max_triangles: 1 << 26,
         }
     }
 }
 
-/// Blocks and files within each other, at most: BART's have eight.
-const MOST_LEVELS: usize = 100;
-/// Files that are included, each as often as it is: BART's robots have 835. Files that include others twice could go on for ever.
-const MOST_INCLUDES: usize = 1 << 16;
+/// Maximum nesting of blocks and files. BART's scenes use 8.
+const MAX_DEPTH: usize = 100;
+/// Maximum number of includes. BART's robots have 835; files that include others twice can grow exponentially.
+const MAX_INCLUDES: usize = 1 << 16;
 
-/// Reads an AFF or NFF file, and all that it includes.
+/// Reads an AFF or NFF file, and all files that it includes.
 ///
-/// Names of files are relative to the file that names them. Everything that stands still is one part, and everything in
-/// one animated block is one part; triangles that change their shape are parts of their own. Spheres and cones are
-/// tessellated, polygons may be concave. Textures are not read, only named.
+/// File names are relative to the file that contains them. All static triangles form one part, and so do the triangles of each
+/// animated block; triangles that change their shape form separate parts. Spheres and cones are tessellated. Polygons may be
+/// concave. Textures are named, but not read.
 ///
 /// # Errors
 ///
-/// [`LoadError`] with the file and the line: commands that are not known (unless they are left out:
-/// [`AffOptions::lenient`]), numbers that are none, indices out of range, files that include themselves or are not
-/// there, tracks of fewer than four keys, too many triangles.
+/// [`LoadError`] with the file and the line: an unknown command (unless [`AffOptions::lenient`]), an invalid number, an index
+/// out of range, an include that is missing or recursive, a track of fewer than four keys, more triangles than
+/// [`AffOptions::max_triangles`].
 pub fn load_aff(
     path: impl AsRef<Path>,
     options: &AffOptions,
@@ -72,7 +73,7 @@ pub fn load_aff(
     read_aff(path.as_ref(), &mut |path| std::fs::read(path), options)
 }
 
-/// [`load_aff`] from any place that files may come from.
+/// [`load_aff`], with `files` to read the file at a path.
 ///
 /// # Errors
 ///
@@ -83,7 +84,7 @@ pub fn read_aff(
     options: &AffOptions,
 ) -> Result<SceneDescription, LoadError> {
     let file = path.display().to_string();
-    let bytes = opened(path, files)?;
+    let bytes = read_file(path, files)?;
     let scene = SceneDescription {
         ambient: Vec3::ONE,
         ..SceneDescription::default()
@@ -103,24 +104,24 @@ pub fn read_aff(
         includes: 0,
         unit_sphere: None,
     };
-    let around = Around {
+    let enclosing = Enclosing {
         node: None,
         to_node: DAffine3::IDENTITY,
-        levels: 0,
+        depth: 0,
     };
-    reader.commands(&mut Words::new(&file, &bytes), around, false)?;
+    reader.commands(&mut Tokens::new(&file, &bytes), enclosing, false)?;
     reader.finish(file)
 }
 
-/// Where geometry comes to stand.
+/// The context of a command: the blocks and files that contain it.
 #[derive(Clone, Copy, Debug)]
-struct Around {
-    /// The innermost animated block.
+struct Enclosing {
+    /// Node of the innermost animated block.
     node: Option<usize>,
-    /// From the coordinates here to those of that block.
+    /// Transform from the current coordinates to those of that node.
     to_node: DAffine3,
-    /// Blocks and files around.
-    levels: usize,
+    /// Number of enclosing blocks and files.
+    depth: usize,
 }
 
 struct Reader<'a> {
@@ -128,99 +129,103 @@ struct Reader<'a> {
     files: &'a mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
     scene: SceneDescription,
     detail: u32,
-    drafts: Vec<Draft>,
-    /// The draft of what is in a node, and of what changes its shape there.
+    drafts: Vec<PartDraft>,
+    /// Index of the draft for a node, separately for triangles that change their shape.
     draft_of: HashMap<(Option<usize>, bool), usize>,
     triangles: usize,
     texture_of: HashMap<PathBuf, u32>,
     keys: HashMap<String, Arc<Keys>>,
-    /// Lights and the names of their keys.
+    /// Indices of animated lights, and the names of their key sets.
     moving_lights: Vec<(usize, String)>,
-    /// The files that are being read, from the outermost.
+    /// The files that are open, from the outermost.
     path: Vec<PathBuf>,
-    /// How many have been included.
+    /// Number of includes so far.
     includes: usize,
-    /// Made for the first sphere.
+    /// The tessellated unit sphere, made for the first sphere.
     unit_sphere: Option<Rc<UnitSphere>>,
 }
 
 impl Reader<'_> {
-    /// Reads up to the end of the file, or of the block.
+    /// Reads commands up to the end of the file, or of the block.
     fn commands(
         &mut self,
-        words: &mut Words<'_>,
-        around: Around,
+        tokens: &mut Tokens<'_>,
+        enclosing: Enclosing,
         is_block: bool,
     ) -> Result<(), LoadError> {
-        if around.levels > MOST_LEVELS {
-            return Err(words.error(format!(
-                "more than {MOST_LEVELS} blocks and files within each other"
+        if enclosing.depth > MAX_DEPTH {
+            return Err(tokens.error(format!(
+                "blocks and files are nested more than {MAX_DEPTH} deep"
             )));
         }
-        while let Some(command) = words.next() {
+        while let Some(command) = tokens.next() {
             match command {
                 b"}" if is_block => return Ok(()),
-                b"v" => self.view(words)?,
-                b"b" => self.scene.background = color(words, "the background")?,
-                b"am" => self.scene.ambient = color(words, "the ambient light")?,
-                b"l" => self.light(words, None)?,
+                b"v" => self.view(tokens)?,
+                b"b" => self.scene.background = color(tokens, "the background")?,
+                b"am" => self.scene.ambient = color(tokens, "the ambient light")?,
+                b"l" => self.light(tokens, None)?,
                 b"la" => {
-                    let name = words.text("the name of a light's keys")?;
-                    self.light(words, Some(name))?;
+                    let name = tokens.text("the name of a light's keys")?;
+                    self.light(tokens, Some(name))?;
                 }
-                b"f" => self.simple_material(words)?,
-                b"fm" => self.material(words)?,
-                b"s" => self.sphere(words, around)?,
-                b"c" => self.cone(words, around)?,
-                b"p" => self.polygon(words, around)?,
-                b"pp" => self.patch(words, around)?,
-                b"tt" => self.textured_triangle(words, around, false)?,
-                b"ttp" => self.textured_triangle(words, around, true)?,
-                b"m" => self.mesh(words, around)?,
-                b"tpa" => self.morphing_triangle(words, around)?,
-                b"i" => self.include(words, around)?,
-                b"d" => self.detail = level(words)?,
-                b"xs" => self.still_block(words, around)?,
-                b"x" => self.moving_block(words, around)?,
-                b"k" => self.key_set(words)?,
-                b"a" => self.span(words)?,
+                b"f" => self.simple_material(tokens)?,
+                b"fm" => self.material(tokens)?,
+                b"s" => self.sphere(tokens, enclosing)?,
+                b"c" => self.cone(tokens, enclosing)?,
+                b"p" => self.polygon(tokens, enclosing)?,
+                b"pp" => self.patch(tokens, enclosing)?,
+                b"tt" => self.textured_triangle(tokens, enclosing, false)?,
+                b"ttp" => self.textured_triangle(tokens, enclosing, true)?,
+                b"m" => self.mesh(tokens, enclosing)?,
+                b"tpa" => self.morphing_triangle(tokens, enclosing)?,
+                b"i" => self.include(tokens, enclosing)?,
+                b"d" => self.detail = level(tokens)?,
+                b"xs" => self.static_block(tokens, enclosing)?,
+                b"x" => self.animated_block(tokens, enclosing)?,
+                b"k" => self.key_set(tokens)?,
+                b"a" => self.span(tokens)?,
                 _ if self.options.lenient => {
                     let warning =
-                        words.error(format!("{} is not known: left out", quoted(command)));
+                        tokens.error(format!("skipped unknown command {}", quoted(command)));
                     self.scene.warnings.push(warning.to_string());
-                    words.skip_line();
+                    tokens.skip_line();
                 }
                 _ => {
-                    let problem = format!("{} is not a command of AFF", quoted(command));
-                    return Err(words.error(problem));
+                    let problem = format!("unknown command {}", quoted(command));
+                    return Err(tokens.error(problem));
                 }
             }
         }
         if is_block {
-            return Err(words.error("the file ends within a block, `}` is missing"));
+            return Err(tokens.error("the file ends in a block, `}` is missing"));
         }
         Ok(())
     }
 
-    fn view(&mut self, words: &mut Words<'_>) -> Result<(), LoadError> {
+    fn view(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
         let mut vector = |name| {
-            words.expect(name)?;
-            vector(words, name)
+            tokens.expect(name)?;
+            vector(tokens, name)
         };
         let [eye, target, up] = [vector("from")?, vector("at")?, vector("up")?];
-        words.expect("angle")?;
-        let angle = words.number("the angle of view")?;
+        tokens.expect("angle")?;
+        let angle = tokens.number("the angle of view")?;
         if !(angle > 0.0 && angle < 180.0) {
-            return Err(words.error(format!("an angle of view of {angle} degrees")));
+            return Err(tokens.error(format!(
+                "the angle of view is {angle} degrees, it must be between 0 and 180"
+            )));
         }
-        // Where pictures begin to show anything does not matter to rays.
-        words.expect("hither")?;
-        words.number("hither")?;
-        words.expect("resolution")?;
-        let resolution = [words.count("the width")?, words.count("the height")?];
+        // The near plane has no meaning for rays.
+        tokens.expect("hither")?;
+        tokens.number("hither")?;
+        tokens.expect("resolution")?;
+        let resolution = [tokens.count("the width")?, tokens.count("the height")?];
         let resolution = resolution.map(|count| u32::try_from(count).ok().filter(|n| *n > 0));
         let [Some(width), Some(height)] = resolution else {
-            return Err(words.error("a picture without pixels, or with too many"));
+            return Err(
+                tokens.error("the width and height of the picture must be from 1 to 4294967295")
+            );
         };
         #[expect(clippy::cast_possible_truncation, reason = "between 0 and 180")]
         let fov_degrees = angle as f32;
@@ -234,10 +239,10 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn light(&mut self, words: &mut Words<'_>, keys: Option<String>) -> Result<(), LoadError> {
-        let position = vector(words, "the position of a light")?.as_vec3();
-        let color = if words.is_number_next() {
-            color(words, "the colour of a light")?
+    fn light(&mut self, tokens: &mut Tokens<'_>, keys: Option<String>) -> Result<(), LoadError> {
+        let position = vector(tokens, "the position of a light")?.as_vec3();
+        let color = if tokens.is_number_next() {
+            color(tokens, "the colour of a light")?
         } else {
             Vec3::ONE
         };
@@ -252,31 +257,36 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// `f`, of NFF: one colour, and how much of it is dull and how much shines.
-    fn simple_material(&mut self, words: &mut Words<'_>) -> Result<(), LoadError> {
-        let color = color(words, "a colour")?;
-        let [dull, shiny] = words.numbers("how a surface reflects")?;
-        let diffuse = color * narrow(dull);
-        self.add_material(words, diffuse, diffuse, Vec3::splat(narrow(shiny)))
+    /// `f` of NFF: one colour, and its diffuse and specular shares.
+    fn simple_material(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
+        let color = color(tokens, "a colour")?;
+        let [diffuse_share, specular_share] = tokens.numbers("the diffuse and specular shares")?;
+        let diffuse = color * narrow(diffuse_share);
+        self.add_material(
+            tokens,
+            diffuse,
+            diffuse,
+            Vec3::splat(narrow(specular_share)),
+        )
     }
 
-    /// `fm`: colours for everything.
-    fn material(&mut self, words: &mut Words<'_>) -> Result<(), LoadError> {
-        let ambient = color(words, "an ambient colour")?;
-        let diffuse = color(words, "a diffuse colour")?;
-        let specular = color(words, "a specular colour")?;
-        self.add_material(words, ambient, diffuse, specular)
+    /// `fm`: ambient, diffuse and specular colours.
+    fn material(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
+        let ambient = color(tokens, "an ambient colour")?;
+        let diffuse = color(tokens, "a diffuse colour")?;
+        let specular = color(tokens, "a specular colour")?;
+        self.add_material(tokens, ambient, diffuse, specular)
     }
 
     fn add_material(
         &mut self,
-        words: &mut Words<'_>,
+        tokens: &mut Tokens<'_>,
         ambient: Vec3,
         diffuse: Vec3,
         specular: Vec3,
     ) -> Result<(), LoadError> {
         let [shine, transmittance, refraction] =
-            words.numbers("shine, transmittance and index of refraction")?;
+            tokens.numbers("shine, transmittance and index of refraction")?;
         let material = Material {
             ambient,
             diffuse,
@@ -286,113 +296,125 @@ impl Reader<'_> {
             transmittance: narrow(transmittance.clamp(0.0, 1.0)),
             refraction: narrow(refraction),
         };
-        // Files of one look are included again and again.
+        // Repeated includes repeat the same material.
         if self.scene.materials.last() != Some(&material) {
             self.scene.materials.push(material);
         }
         Ok(())
     }
 
-    fn span(&mut self, words: &mut Words<'_>) -> Result<(), LoadError> {
-        let [start, end] = words.numbers("the times of an animation")?;
-        let frames = words.count("the number of frames")?;
+    fn span(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
+        let [start, end] = tokens.numbers("the times of an animation")?;
+        let frames = tokens.count("the number of frames")?;
         if frames == 0 || end < start {
-            return Err(words.error(format!("{frames} frames from {start} to {end}")));
+            return Err(tokens.error(format!(
+                "an animation of {frames} frames from {start} to {end} s; at least 1 frame is needed, and an end that is not before the start"
+            )));
         }
         self.scene.span = Some(Span { start, end, frames });
         Ok(())
     }
 
-    fn include(&mut self, words: &mut Words<'_>, around: Around) -> Result<(), LoadError> {
-        let level = level(words)?;
-        let name = words.text("the name of a file")?;
+    fn include(&mut self, tokens: &mut Tokens<'_>, enclosing: Enclosing) -> Result<(), LoadError> {
+        let level = level(tokens)?;
+        let name = tokens.text("the name of a file")?;
         if level > self.detail {
             return Ok(());
         }
-        let path = self.beside(&name);
+        let path = self.resolve(&name);
         if self.path.contains(&path) {
-            let problem = format!("`{name}` is included while it is being read");
-            return Err(words.error(problem));
+            let problem = format!("`{name}` includes itself, directly or through other files");
+            return Err(tokens.error(problem));
         }
         self.includes += 1;
-        if self.includes > MOST_INCLUDES {
-            return Err(words.error(format!("more than {MOST_INCLUDES} files are included")));
+        if self.includes > MAX_INCLUDES {
+            return Err(tokens.error(format!("more than {MAX_INCLUDES} includes")));
         }
         let bytes = (self.files)(&path)
-            .map_err(|error| words.error(format!("cannot include `{name}`: {error}")))?;
+            .map_err(|error| tokens.error(format!("cannot include `{name}`: {error}")))?;
         let file = path.display().to_string();
         self.path.push(path);
-        let around = Around {
-            levels: around.levels + 1,
-            ..around
+        let enclosing = Enclosing {
+            depth: enclosing.depth + 1,
+            ..enclosing
         };
-        self.commands(&mut Words::new(&file, &bytes), around, false)?;
+        self.commands(&mut Tokens::new(&file, &bytes), enclosing, false)?;
         self.path.pop();
         Ok(())
     }
 
-    /// A file that the one that is being read names.
-    fn beside(&self, name: &str) -> PathBuf {
+    /// The path of a file that the current file names.
+    fn resolve(&self, name: &str) -> PathBuf {
         let folder = self.path.last().and_then(|path| path.parent());
         folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
     }
 
-    /// `xs`: scaled, then turned, then moved.
-    fn still_block(&mut self, words: &mut Words<'_>, around: Around) -> Result<(), LoadError> {
-        let scale = vector(words, "a scale")?;
-        let axis = vector(words, "an axis")?;
-        let degrees = words.number("an angle")?;
-        let translation = vector(words, "a translation")?;
-        words.expect("{")?;
+    /// `xs`: a block with a static transform: scale, then rotation, then translation.
+    fn static_block(
+        &mut self,
+        tokens: &mut Tokens<'_>,
+        enclosing: Enclosing,
+    ) -> Result<(), LoadError> {
+        let scale = vector(tokens, "a scale")?;
+        let axis = vector(tokens, "an axis")?;
+        let degrees = tokens.number("an angle")?;
+        let translation = vector(tokens, "a translation")?;
+        tokens.expect("{")?;
         let rotation = match axis.try_normalize() {
-            Some(axis) => turn(axis, degrees.to_radians()),
+            Some(axis) => rotation_about(axis, degrees.to_radians()),
             None => DMat3::IDENTITY,
         };
         let own = DAffine3 {
             matrix3: rotation * DMat3::from_diagonal(scale),
             translation,
         };
-        let around = Around {
-            to_node: around.to_node * own,
-            levels: around.levels + 1,
-            ..around
+        let enclosing = Enclosing {
+            to_node: enclosing.to_node * own,
+            depth: enclosing.depth + 1,
+            ..enclosing
         };
-        self.commands(words, around, true)
+        self.commands(tokens, enclosing, true)
     }
 
-    fn moving_block(&mut self, words: &mut Words<'_>, around: Around) -> Result<(), LoadError> {
-        let name = words.text("the name of a block")?;
-        words.expect("{")?;
+    /// `x`: a block that a key set animates.
+    fn animated_block(
+        &mut self,
+        tokens: &mut Tokens<'_>,
+        enclosing: Enclosing,
+    ) -> Result<(), LoadError> {
+        let name = tokens.text("the name of a block")?;
+        tokens.expect("{")?;
         self.scene.nodes.push(Node {
             name,
-            parent: around.node,
-            place: around.to_node,
+            parent: enclosing.node,
+            transform: enclosing.to_node,
             keys: None,
         });
-        let around = Around {
+        let enclosing = Enclosing {
             node: Some(self.scene.nodes.len() - 1),
             to_node: DAffine3::IDENTITY,
-            levels: around.levels + 1,
+            depth: enclosing.depth + 1,
         };
-        self.commands(words, around, true)
+        self.commands(tokens, enclosing, true)
     }
 
-    /// How what is read now looks.
-    fn look(&mut self, texture: u32) -> Look {
+    /// The current material, with a texture.
+    fn surface_ids(&mut self, texture: u32) -> SurfaceIds {
         if self.scene.materials.is_empty() {
             self.scene.materials.push(Material::default());
         }
         let last = self.scene.materials.len() - 1;
-        Look {
-            material: u32::try_from(last).expect("each takes more than a byte of a file"),
+        SurfaceIds {
+            material: u32::try_from(last).expect("fewer than 2^32, as each takes bytes of a file"),
             texture,
         }
     }
 
     fn texture(&mut self, name: String) -> u32 {
-        let path = self.beside(&name);
+        let path = self.resolve(&name);
         let textures = &mut self.scene.textures;
-        let number = u32::try_from(textures.len()).expect("each takes more than a byte of a file");
+        let number =
+            u32::try_from(textures.len()).expect("fewer than 2^32, as each takes bytes of a file");
         *self.texture_of.entry(path.clone()).or_insert_with(|| {
             let source = TextureSource::File(path);
             textures.push(Texture { name, source });
@@ -400,32 +422,32 @@ impl Reader<'_> {
         })
     }
 
-    fn draft(&mut self, around: Around, morphs: bool) -> &mut Draft {
+    fn draft(&mut self, enclosing: Enclosing, morphs: bool) -> &mut PartDraft {
         let new = self.drafts.len();
         let nodes = &self.scene.nodes;
-        let number = *self.draft_of.entry((around.node, morphs)).or_insert(new);
+        let number = *self.draft_of.entry((enclosing.node, morphs)).or_insert(new);
         if number == new {
             let mut names = Vec::new();
-            let mut node = around.node;
+            let mut node = enclosing.node;
             while let Some(number) = node {
                 names.push(nodes[number].name.as_str());
                 node = nodes[number].parent;
             }
             names.reverse();
             self.drafts
-                .push(Draft::new(names.join("/"), around.node, morphs));
+                .push(PartDraft::new(names.join("/"), enclosing.node, morphs));
         }
         &mut self.drafts[number]
     }
 
-    /// Refuses more triangles than there may be.
-    fn count_triangles(&mut self, words: &Words<'_>, count: usize) -> Result<(), LoadError> {
+    /// Counts triangles against the maximum.
+    fn count_triangles(&mut self, tokens: &Tokens<'_>, count: usize) -> Result<(), LoadError> {
         self.triangles = self.triangles.saturating_add(count);
-        if self.triangles <= self.options.most_triangles {
+        if self.triangles <= self.options.max_triangles {
             return Ok(());
         }
-        let most = self.options.most_triangles;
-        Err(words.error(format!("more than {most} triangles")))
+        let max = self.options.max_triangles;
+        Err(tokens.error(format!("more than {max} triangles, the maximum")))
     }
 
     fn finish(self, file: String) -> Result<SceneDescription, LoadError> {
@@ -448,16 +470,16 @@ impl Reader<'_> {
     }
 }
 
-fn vector(words: &mut Words<'_>, what: &str) -> Result<DVec3, LoadError> {
-    words.numbers(what).map(DVec3::from_array)
+fn vector(tokens: &mut Tokens<'_>, what: &str) -> Result<DVec3, LoadError> {
+    tokens.numbers(what).map(DVec3::from_array)
 }
 
-fn color(words: &mut Words<'_>, what: &str) -> Result<Vec3, LoadError> {
-    vector(words, what).map(|color| color.as_vec3())
+fn color(tokens: &mut Tokens<'_>, what: &str) -> Result<Vec3, LoadError> {
+    vector(tokens, what).map(|color| color.as_vec3())
 }
 
-fn level(words: &mut Words<'_>) -> Result<u32, LoadError> {
-    let count = words.count("a level of detail")?;
+fn level(tokens: &mut Tokens<'_>) -> Result<u32, LoadError> {
+    let count = tokens.count("a level of detail")?;
     Ok(u32::try_from(count).unwrap_or(u32::MAX))
 }
 
@@ -469,7 +491,7 @@ fn narrow(number: f64) -> f32 {
     number as f32
 }
 
-/// Where something in a block stands.
-fn place(around: Around) -> Place {
-    Place::new(around.to_node)
+/// The transform of positions and normals in a block.
+fn transform(enclosing: Enclosing) -> Transform {
+    Transform::new(enclosing.to_node)
 }

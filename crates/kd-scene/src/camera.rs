@@ -1,4 +1,4 @@
-//! Pinhole cameras, and a view of anything that has a box.
+//! Pinhole cameras, and a default camera for a bounding box.
 
 use glam::{DVec3, Vec3};
 use kd_core::Aabb;
@@ -6,41 +6,41 @@ use kd_core::Aabb;
 /// A pinhole camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where it stands, in scene units.
+    /// Position, in scene units.
     pub eye: Vec3,
-    /// The point in the middle of the image. Must differ from `eye`.
+    /// The point at the centre of the image. Should differ from `eye`; see [`view`](Self::view).
     pub target: Vec3,
-    /// Roughly upwards; need not be unit nor at a right angle to the view.
+    /// Approximate up direction, of any length and at any angle to the view.
     pub up: Vec3,
     /// Vertical field of view in degrees, between 0 and 180, both excluded.
     pub fov_degrees: f32,
 }
 
-/// The directions from a [`Camera`] through one image, made by [`Camera::view`].
+/// The image plane of a [`Camera`], made by [`Camera::view`]: it gives the directions of primary rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where every ray starts.
+    /// Origin of every ray, in scene units.
     pub eye: Vec3,
-    /// Unit direction to the middle of the image.
+    /// Unit direction to the centre of the image.
     pub forward: Vec3,
-    /// From the middle of the image, one unit in front of the eye, to its right edge.
+    /// Vector from the centre of the image to its right edge, on the plane one unit in front of the eye.
     pub right: Vec3,
-    /// From the middle of the image, one unit in front of the eye, to its lower edge.
+    /// Vector from the centre of the image to its lower edge, on the plane one unit in front of the eye.
     pub down: Vec3,
 }
 
-/// Field of view of the cameras made here, in degrees.
+/// Vertical field of view of a default camera, in degrees.
 const FOV_DEGREES: f32 = 45.0;
-/// How much further away the eye goes than where the box touches the image's edge.
+/// Factor on the distance at which the box touches the edge of the image.
 const MARGIN: f64 = 1.05;
 
 impl Camera {
-    /// A camera outside `bounds` from which the whole box fills about all of a square image, seen
-    /// obliquely from above, with a field of view of 45 degrees.
+    /// A camera outside of `bounds` that views the box obliquely from above, so that it nearly fills a square image. The field
+    /// of view is 45 degrees.
     ///
-    /// An empty box, or one that is not finite, counts as the point at the origin; a point is seen
-    /// from a distance of one unit, or a thousandth of its coordinates if they are large. An `up`
-    /// of length zero counts as +y. Boxes more than about 1e37 across do not fit in `f32`.
+    /// An empty box, or one that is not finite, counts as the point at the origin. The distance to a point is one unit, or a
+    /// thousandth of its largest coordinate if that is more. An `up` of length zero counts as +y. For boxes wider than about
+    /// 1e37, the camera does not fit in `f32`.
     pub fn looking_at_whole(bounds: Aabb, up: Vec3) -> Self {
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let finite = low.is_finite() && high.is_finite() && low.cmple(high).all();
@@ -53,7 +53,7 @@ impl Camera {
 
         let up = up_or_y(up);
         let side = any_perpendicular(up);
-        // A little from the side, a little from above.
+        // Obliquely from the side and from above.
         let towards_eye = (side + 0.5 * up.cross(side) + 0.5 * up).normalize();
         let right = up.cross(towards_eye).normalize();
         let above = towards_eye.cross(right);
@@ -66,7 +66,7 @@ impl Camera {
             let across = corner.dot(right).abs().max(corner.dot(above).abs());
             distance = distance.max(across / slope + corner.dot(towards_eye));
         }
-        // Nearer than this the eye and the target could round to the same point.
+        // At a smaller distance, the eye and the target could round to the same point.
         let floor = (center.abs().max_element() * 1e-3).max(f64::from(f32::MIN_POSITIVE));
         let distance = match half == DVec3::ZERO {
             true => floor.max(1.0),
@@ -80,11 +80,11 @@ impl Camera {
         }
     }
 
-    /// The directions through an image whose width is `aspect` times its height.
+    /// The image plane of an image whose width is `aspect` times its height.
     ///
-    /// Trigonometry is libm's, so a camera gives the same rays on every platform. An `up` along the
-    /// view, or of length zero, is replaced by some direction across the view; if `eye` and
-    /// `target` are the same point, the view is along -z.
+    /// Trigonometric functions come from libm, so a camera gives the same rays on every platform. An `up` parallel to the view,
+    /// or of length zero, is replaced by a direction perpendicular to the view. If `eye` and `target` coincide, the view is
+    /// along -z.
     pub fn view(&self, aspect: f32) -> View {
         let forward = (self.target.as_dvec3() - self.eye.as_dvec3()).try_normalize();
         let forward = forward.unwrap_or(DVec3::NEG_Z);
@@ -100,32 +100,31 @@ impl Camera {
         }
     }
 
-    /// Direction through the point `(x, y)` of a square image; see [`View::direction`].
+    /// Direction of the ray through the point `(x, y)` of a square image, each from 0 to 1; see [`View::direction`].
     pub fn ray_direction(&self, x: f32, y: f32) -> Vec3 {
         self.view(1.0).direction(x, y)
     }
 }
 
 impl View {
-    /// Direction through a point of the image: `x` from 0 at the left edge to 1 at the right one,
-    /// `y` from 0 at the upper edge to 1 at the lower one. Its length is at least 1; it is 1 in the
-    /// middle.
+    /// Direction of the ray through a point of the image: `x` from 0 at the left edge to 1 at the right edge, `y` from 0 at the
+    /// upper edge to 1 at the lower edge. Its length is 1 at the centre and more elsewhere.
     pub fn direction(&self, x: f32, y: f32) -> Vec3 {
         self.forward + (2.0 * x - 1.0) * self.right + (2.0 * y - 1.0) * self.down
     }
 
-    /// Direction through the centre of the pixel in `column` and `row`, from 0 at the upper left,
-    /// of an image of `width` by `height` pixels.
+    /// Direction of the ray through the centre of the pixel in `column` and `row`, both from 0 at the upper left, of an image
+    /// of `width` × `height` pixels.
     pub fn through_pixel(&self, column: u32, row: u32, width: u32, height: u32) -> Vec3 {
         // Pixel counts above 2^24 round, by less than half a pixel.
-        #[expect(clippy::cast_precision_loss, reason = "said above")]
-        let place = |index: u32, count: u32| (index as f32 + 0.5) / count as f32;
-        self.direction(place(column, width), place(row, height))
+        #[expect(clippy::cast_precision_loss, reason = "see above")]
+        let centre = |index: u32, count: u32| (index as f32 + 0.5) / count as f32;
+        self.direction(centre(column, width), centre(row, height))
     }
 }
 
-/// Where a light goes if a scene names none: above the eye of
-/// [`looking_at_whole`](Camera::looking_at_whole), by the length of the box's diagonal.
+/// A default light position: above the eye of [`looking_at_whole`](Camera::looking_at_whole), at a distance of the diagonal of
+/// `bounds`, or one unit if the box has no finite diagonal.
 pub fn light_above(bounds: Aabb, up: Vec3) -> Vec3 {
     let camera = Camera::looking_at_whole(bounds, up);
     // In f64: the squares of large coordinates do not fit in f32.
@@ -146,7 +145,7 @@ fn up_or_y(up: Vec3) -> DVec3 {
     up.as_dvec3().try_normalize().unwrap_or(DVec3::Y)
 }
 
-/// A unit vector at a right angle to the unit vector `to`.
+/// A unit vector perpendicular to the unit vector `to`.
 fn any_perpendicular(to: DVec3) -> DVec3 {
     let size = to.abs();
     let least = match size.min_element() {

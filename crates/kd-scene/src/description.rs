@@ -1,4 +1,4 @@
-//! What is in a scene beside its triangles: materials, lights, a camera, and how all of it moves.
+//! A scene description: parts with materials, lights, a camera, and their animation.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,51 +9,51 @@ use kd_core::{Mesh, MeshError};
 use crate::keys::Keys;
 use crate::{Camera, SceneSetup};
 
-/// A scene as a file describes it: parts with materials, lights and a camera, at any time of its animation.
+/// A scene as a file describes it, for any time of its animation. It holds no trees.
 #[derive(Clone, Debug, Default)]
 pub struct SceneDescription {
-    /// What rays see that meet nothing, as red, green and blue ([`colors`](Self::colors) says what these mean).
+    /// Colour of rays that hit nothing, as red, green and blue in [`colors`](Self::colors).
     pub background: Vec3,
-    /// Light that comes from everywhere.
+    /// Ambient light, the same at every point.
     pub ambient: Vec3,
-    /// Where it is seen from, unless the animation says otherwise.
+    /// The camera, unless [`camera_keys`](Self::camera_keys) or [`camera_node`](Self::camera_node) move it.
     pub camera: Option<Camera>,
-    /// The size of the picture in pixels that the file asks for.
+    /// Width and height of the picture in pixels, if the file specifies them.
     pub resolution: Option<[u32; 2]>,
-    /// Lights that are points.
+    /// Point lights, in file order.
     pub lights: Vec<Light>,
-    /// What surfaces are made of.
+    /// Materials, which [`Surface::materials`] index.
     pub materials: Vec<Material>,
-    /// Pictures on surfaces.
+    /// Textures, which [`Surface::textures`] index.
     pub textures: Vec<Texture>,
-    /// Transforms, each after the one it is in.
+    /// Transform nodes; each node comes after its parent.
     pub nodes: Vec<Node>,
-    /// Everything that has triangles.
+    /// All triangles, grouped by how they move.
     pub parts: Vec<Part>,
-    /// The key frames of the camera.
+    /// Key frames of the camera. They take precedence over [`camera_node`](Self::camera_node).
     pub camera_keys: Option<Arc<Keys>>,
-    /// The node that the camera is in, along whose negative z axis it looks.
+    /// The node of the camera, which looks along the negative z axis of the node.
     pub camera_node: Option<usize>,
-    /// When it begins and ends, and in how many frames.
+    /// Start, end and number of frames of the animation; `None` for a static scene.
     pub span: Option<Span>,
-    /// What the numbers of its colours mean, those of its textures too.
+    /// Colour space of all colours, and of the texels as [decoded](ColorSpace::decoded).
     pub colors: ColorSpace,
-    /// What the reader made do without.
+    /// What the reader skipped or replaced, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// What the numbers of colours mean, from 0 to 1.
+/// The meaning of colour values from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorSpace {
-    /// What a display is told. Scenes from before displays were calibrated mean this, and their textures.
+    /// Values as sent to a display, without conversion. Older formats (AFF, NFF, OBJ) and their textures use it.
     #[default]
     Display,
-    /// Amounts of light. Displays, and textures, have them as sRGB.
+    /// Linear radiance. Textures and output are sRGB and are converted.
     Linear,
 }
 
 impl ColorSpace {
-    /// The colour of a texel.
+    /// The colour of a texel, each channel from 0 to 1.
     pub fn decoded(self, texel: [u8; 3]) -> Vec3 {
         let color = Vec3::from(texel.map(f32::from)) / 255.0;
         match self {
@@ -68,7 +68,7 @@ impl ColorSpace {
         }
     }
 
-    /// The pixel of a colour; what is too bright is cut off.
+    /// The pixel value of a colour. Channels are clamped to 0..=1; NaN becomes 0.
     pub fn encoded(self, color: Vec3) -> [u8; 3] {
         let of_display = |x: f32| match self {
             Self::Display => x,
@@ -85,38 +85,38 @@ impl ColorSpace {
     }
 }
 
-/// A light that is a point.
+/// A point light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
-    /// Where it is, before it moves.
+    /// Position without animation, in scene units.
     pub position: Vec3,
-    /// What it gives off, as red, green and blue.
+    /// Emitted colour, as red, green and blue.
     pub color: Vec3,
-    /// By how much it is moved, at any time.
+    /// Key frames of an offset from [`position`](Self::position).
     pub keys: Option<Arc<Keys>>,
 }
 
-/// What a surface is made of.
+/// Reflection properties of a surface, as in the models of Phong and Whitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// How much of the ambient light it gives back.
+    /// Reflectance of ambient light, per channel.
     pub ambient: Vec3,
-    /// How much light it scatters.
+    /// Diffuse reflectance, per channel.
     pub diffuse: Vec3,
-    /// The colour of highlights, which are what is mirrored of lights.
+    /// Reflectance of highlights, per channel.
     pub specular: Vec3,
-    /// How much it mirrors of everything else.
+    /// Mirror reflectance, per channel.
     pub mirror: Vec3,
-    /// Phong's exponent of highlights.
+    /// Phong exponent of highlights; 0 for none.
     pub shine: f32,
-    /// How much light goes through, from 0 to 1.
+    /// Share of light that passes through the surface, from 0 to 1.
     pub transmittance: f32,
-    /// The index of refraction. 0 and 1 do not bend light.
+    /// Index of refraction. 0 and 1 do not change the direction of light.
     pub refraction: f32,
 }
 
 impl Default for Material {
-    /// Light grey, and dull.
+    /// A diffuse light grey.
     fn default() -> Self {
         Self {
             ambient: Vec3::splat(0.2),
@@ -130,137 +130,135 @@ impl Default for Material {
     }
 }
 
-/// A picture on a surface, not read yet.
+/// A texture image that is not decoded yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Texture {
-    /// What the file calls it.
+    /// Name in the file.
     pub name: String,
-    /// Where it is.
+    /// Location of the image data.
     pub source: TextureSource,
 }
 
-/// Where a picture is.
+/// The location of the data of a texture image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TextureSource {
-    /// In a file, which may not be there.
+    /// An image file, which may be missing.
     File(PathBuf),
-    /// Here, as a file would have it.
+    /// The content of an image file.
     Bytes(Arc<[u8]>),
 }
 
-/// A transform, which may move.
+/// A transform node, which keys may animate.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// What the file calls it.
+    /// Name in the file.
     pub name: String,
-    /// The node that it is in.
+    /// Index of the enclosing node.
     pub parent: Option<usize>,
-    /// Where it stands in there, before it moves.
-    pub place: DAffine3,
-    /// How it moves there, if it does.
+    /// Static transform to the coordinates of the parent, applied after the keys.
+    pub transform: DAffine3,
+    /// Animated transform, applied before [`transform`](Self::transform).
     pub keys: Option<Arc<Keys>>,
 }
 
-/// Triangles that move together.
+/// Triangles that move together: one mesh of the scene.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Names of the nodes that it is in, from the outermost.
+    /// Names of the enclosing nodes from the outermost, separated by `/`.
     pub name: String,
-    /// The innermost node that it is in; none if it stands still.
+    /// Index of the innermost enclosing node; `None` for static parts and skins.
     pub node: Option<usize>,
-    /// Its triangles, where they are before that node moves them.
+    /// The triangles, in the coordinates of the node.
     pub mesh: Arc<Mesh>,
-    /// What its triangles look like.
+    /// Materials, textures, normals and texture coordinates of the triangles.
     pub surface: Surface,
-    /// How it changes its shape, if it does.
+    /// How the shape changes over time; `None` for rigid parts.
     pub deformation: Option<Deformation>,
 }
 
-/// How a part changes its shape.
+/// How the shape of a part changes over time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Deformation {
-    /// Each triangle goes its own way.
+    /// Every triangle follows its own keys.
     Morph(Morph),
-    /// Vertices follow bones.
+    /// Vertices follow joints.
     Skin(Skin),
 }
 
-/// Vertices that follow bones, each up to four (glTF 2.0, §3.7.3).
+/// Linear blend skinning with up to four joints per vertex (glTF 2.0, §3.7.3).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Skin {
-    /// Nodes that are bones.
+    /// Indices of the nodes that are joints.
     pub joints: Vec<usize>,
-    /// For each bone, from the coordinates of the mesh to its own.
+    /// For each joint, the transform from mesh coordinates to joint coordinates.
     pub inverse_binds: Vec<DAffine3>,
-    /// For each vertex, numbers among the bones and how much they count.
+    /// For each vertex, indices into [`joints`](Self::joints) and their weights. A vertex whose weights are all 0 does not
+    /// move.
     pub influences: Vec<[(u16, f32); 4]>,
 }
 
-/// What triangles look like, one entry for each.
+/// The surface of a part. Every array has one entry per triangle, or is empty where stated.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// Numbers in [`SceneDescription::materials`].
+    /// Indices into [`SceneDescription::materials`].
     pub materials: Vec<u32>,
-    /// Numbers in [`SceneDescription::textures`]; [`Self::NO_TEXTURE`] for none. Empty if there are none at all.
+    /// Indices into [`SceneDescription::textures`], or [`Self::NO_TEXTURE`]. Empty if no triangle has a texture.
     pub textures: Vec<u32>,
-    /// Normals at the corners, not necessarily unit, of smooth surfaces; zero where a triangle is flat. Empty if all are.
+    /// Vertex normals at the three corners, of any length; zero for flat triangles. Empty if all triangles are flat.
     pub normals: Vec<[Vec3; 3]>,
-    /// Where the corners lie in the texture, from 0 to 1 and repeated beyond, the second counted from above. Empty without textures.
+    /// Texture coordinates `[u, v]` of the three corners, with period 1 and `v` from the top. Empty if no triangle has any.
     pub uvs: Vec<[[f32; 2]; 3]>,
 }
 
 impl Surface {
-    /// A triangle without a texture.
+    /// Marks a triangle without a texture.
     pub const NO_TEXTURE: u32 = u32::MAX;
 }
 
-/// Triangles of which each goes its own way, straight from key to key.
+/// Triangles that move linearly between their own keys.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Morph {
-    /// For each triangle of the part, its keys in the order of their times; at least one.
+    /// For each triangle of the part, at least one key, in ascending order of time.
     pub keys: Vec<Vec<MorphKey>>,
 }
 
-/// A triangle at some time.
+/// The shape of a triangle at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MorphKey {
-    /// In seconds.
+    /// Time in seconds.
     pub time: f64,
-    /// Where its corners are.
+    /// Positions of the corners, in the coordinates of the node.
     pub corners: [Vec3; 3],
-    /// The normals there, not necessarily unit.
+    /// Normals at the corners, of any length.
     pub normals: [Vec3; 3],
 }
 
-/// When an animation runs.
+/// The time span of an animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// The time of the first frame, in seconds.
+    /// Time of the first frame, in seconds.
     pub start: f64,
-    /// The time of the last one.
+    /// Time of the last frame, in seconds.
     pub end: f64,
-    /// How many frames there are.
+    /// Number of frames, at least 1.
     pub frames: usize,
 }
 
 impl Span {
-    /// The time of a frame, from 0; frames after the last have the time of the last.
+    /// The time of a frame in seconds. Frames count from 0; a frame after the last has the time of the last.
     pub fn time_of(&self, frame: usize) -> f64 {
         let last = self.frames.saturating_sub(1);
         if last == 0 {
             return self.start;
         }
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "there are fewer than 2^52 frames"
-        )]
-        let part = frame.min(last) as f64 / last as f64;
-        self.start + part * (self.end - self.start)
+        #[expect(clippy::cast_precision_loss, reason = "fewer than 2^52 frames")]
+        let fraction = frame.min(last) as f64 / last as f64;
+        self.start + fraction * (self.end - self.start)
     }
 }
 
 impl SceneDescription {
-    /// A mesh that stands still, in one light grey material, under a bright sky.
+    /// A static mesh in one light grey material, under a bright background.
     pub fn of_mesh(mesh: impl Into<Arc<Mesh>>) -> Self {
         let mesh = mesh.into();
         Self {
@@ -281,9 +279,9 @@ impl SceneDescription {
         }
     }
 
-    /// A generated scene, with its camera and lights.
+    /// A static generated scene with its camera and lights.
     pub fn of_setup(setup: SceneSetup) -> Self {
-        // As bright together as a single one would be.
+        // The lights together are as bright as a single white one.
         let brightness = 1.0 / setup.lights.len().max(1) as f32;
         let lights = setup.lights.iter().map(|position| Light {
             position: *position,
@@ -298,25 +296,25 @@ impl SceneDescription {
         }
     }
 
-    /// Where each node is at a time: from its own coordinates to those of the scene.
+    /// For each node, the transform from node coordinates to scene coordinates at `time`, in seconds.
     pub fn placed_nodes(&self, time: f64) -> Vec<DAffine3> {
         let mut placed: Vec<DAffine3> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
-            let around = node
+            let parent = node
                 .parent
                 .map_or(DAffine3::IDENTITY, |parent| placed[parent]);
-            let moves = node.keys.as_ref();
-            let moves = moves.map_or(DAffine3::IDENTITY, |keys| keys.transform(time));
-            placed.push(around * node.place * moves);
+            let motion = node.keys.as_ref();
+            let motion = motion.map_or(DAffine3::IDENTITY, |keys| keys.transform(time));
+            placed.push(parent * node.transform * motion);
         }
         placed
     }
 
-    /// Where a part is at a time, given [where nodes are](Self::placed_nodes).
+    /// The transform of a part to scene coordinates, given the [transforms of the nodes](Self::placed_nodes).
     ///
     /// # Panics
     ///
-    /// If its node is not among them.
+    /// If the node of the part is not in `nodes`.
     pub fn placed_part(part: &Part, nodes: &[DAffine3]) -> Affine3A {
         part.node.map_or(Affine3A::IDENTITY, |node| {
             let DAffine3 {
@@ -327,7 +325,7 @@ impl SceneDescription {
         })
     }
 
-    /// Whether a part is seen at a time.
+    /// Whether a part is visible at `time`, in seconds: no enclosing node hides it.
     pub fn is_visible(&self, part: &Part, time: f64) -> bool {
         let mut node = part.node;
         while let Some(number) = node {
@@ -344,13 +342,13 @@ impl SceneDescription {
         true
     }
 
-    /// The camera at a time, if the scene has one.
+    /// The camera at `time`, in seconds; `None` if the scene has no camera.
     pub fn camera_at(&self, time: f64) -> Option<Camera> {
-        let still = self.camera?;
+        let camera = self.camera?;
         let placed = match (&self.camera_keys, self.camera_node) {
             (Some(keys), _) => keys.transform(time),
             (None, Some(node)) => self.placed_nodes(time)[node],
-            (None, None) => return Some(still),
+            (None, None) => return Some(camera),
         };
         let DAffine3 {
             matrix3,
@@ -361,15 +359,16 @@ impl SceneDescription {
             eye: translation.as_vec3(),
             target: (translation - z_axis).as_vec3(),
             up: y_axis.as_vec3(),
-            ..still
+            ..camera
         })
     }
 
-    /// All triangles at a time, in the order of the parts, those that are not seen included.
+    /// All triangles at `time`, in seconds, as one mesh in the order of the parts. Invisible parts are included. Time and
+    /// memory are linear in the number of triangles.
     ///
     /// # Errors
     ///
-    /// [`MeshError`] if something is moved to where f32 ends, or there are too many.
+    /// [`MeshError`] if a position is not finite in `f32`, or the mesh has too many vertices or triangles.
     pub fn mesh_at(&self, time: f64) -> Result<Mesh, MeshError> {
         let nodes = self.placed_nodes(time);
         let meshes = self.parts.iter().map(|part| {
@@ -385,22 +384,22 @@ impl SceneDescription {
 }
 
 impl Part {
-    /// Whether it is ever anywhere else, or of another shape.
+    /// Whether the position or the shape of the part can change over time.
     pub fn may_move(&self) -> bool {
         self.node.is_some() || self.deformation.is_some()
     }
 
-    /// Where its vertices are at a time, before its node moves them, if it changes its shape; given
-    /// [where nodes are](SceneDescription::placed_nodes).
+    /// The positions of the vertices at `time`, in seconds, before the node moves them; `None` for rigid parts. `nodes` are the
+    /// [transforms of the nodes](SceneDescription::placed_nodes) at that time.
     pub fn deformed(&self, time: f64, nodes: &[DAffine3]) -> Option<Vec<[f32; 3]>> {
         Some(match self.deformation.as_ref()? {
             Deformation::Morph(morph) => morph.positions_at(time),
             Deformation::Skin(skin) => {
-                let bones = skin.placed_bones(nodes);
+                let joints = skin.placed_joints(nodes);
                 let moved = self.mesh.positions().iter().zip(&skin.influences);
                 let moved = moved.map(|(position, influences)| {
                     let position = Vec3::from(*position).as_dvec3();
-                    let at = blended(influences, |bone| bones[bone].transform_point3(position));
+                    let at = blended(influences, |joint| joints[joint].transform_point3(position));
                     at.unwrap_or(position).as_vec3().to_array()
                 });
                 moved.collect()
@@ -408,19 +407,20 @@ impl Part {
         })
     }
 
-    /// The normals at the corners of its triangles then.
+    /// The normals at the three corners of each triangle at `time`, with the arguments of [`deformed`](Self::deformed); `None`
+    /// for rigid parts.
     pub fn deformed_normals(&self, time: f64, nodes: &[DAffine3]) -> Option<Vec<[Vec3; 3]>> {
         Some(match self.deformation.as_ref()? {
             Deformation::Morph(morph) => morph.normals_at(time),
             Deformation::Skin(skin) => {
-                let bones = skin.placed_bones(nodes);
+                let joints = skin.placed_joints(nodes);
                 let triangles = self.mesh.triangles().iter().zip(&self.surface.normals);
                 let moved = triangles.map(|(corners, normals)| {
                     std::array::from_fn(|i| {
                         let influences = &skin.influences[corners[i] as usize];
                         let normal = normals[i].as_dvec3();
                         let moved =
-                            blended(influences, |bone| bones[bone].transform_vector3(normal));
+                            blended(influences, |joint| joints[joint].transform_vector3(normal));
                         moved.unwrap_or(normal).as_vec3()
                     })
                 });
@@ -431,30 +431,30 @@ impl Part {
 }
 
 impl Skin {
-    /// For each bone, from the coordinates of the mesh to those of the scene.
-    fn placed_bones(&self, nodes: &[DAffine3]) -> Vec<DAffine3> {
-        let bones = self.joints.iter().zip(&self.inverse_binds);
-        bones
+    /// For each joint, the transform from mesh coordinates to scene coordinates.
+    fn placed_joints(&self, nodes: &[DAffine3]) -> Vec<DAffine3> {
+        let joints = self.joints.iter().zip(&self.inverse_binds);
+        joints
             .map(|(joint, inverse_bind)| nodes[*joint] * *inverse_bind)
             .collect()
     }
 }
 
-/// What bones make of something together; nothing if none counts.
+/// The weighted mean of `by(joint)` over the influences; `None` if the sum of the weights is 0.
 fn blended(influences: &[(u16, f32); 4], by: impl Fn(usize) -> DVec3) -> Option<DVec3> {
     let weight: f64 = influences
         .iter()
         .map(|(_, weight)| f64::from(*weight))
         .sum();
-    let counting = influences.iter().filter(|(_, weight)| *weight > 0.0);
-    let sum: DVec3 = counting
-        .map(|(bone, weight)| f64::from(*weight) * by(usize::from(*bone)))
+    let nonzero = influences.iter().filter(|(_, weight)| *weight > 0.0);
+    let sum: DVec3 = nonzero
+        .map(|(joint, weight)| f64::from(*weight) * by(usize::from(*joint)))
         .sum();
     (weight > 0.0).then(|| sum / weight)
 }
 
 impl Light {
-    /// Where it is at a time.
+    /// The position at `time`, in seconds.
     pub fn position_at(&self, time: f64) -> Vec3 {
         let moved = self
             .keys
@@ -465,26 +465,26 @@ impl Light {
 }
 
 impl Morph {
-    /// Three corners for each triangle, at a time.
+    /// The positions of the corners at `time`, in seconds: three for each triangle.
     pub fn positions_at(&self, time: f64) -> Vec<[f32; 3]> {
         let triangles = self
             .keys
             .iter()
-            .flat_map(|keys| between(keys, time).corners);
+            .flat_map(|keys| interpolated(keys, time).corners);
         triangles.map(|corner| corner.to_array()).collect()
     }
 
-    /// Normals at the three corners of each triangle, at a time.
+    /// The normals at the three corners of each triangle, at `time` in seconds.
     pub fn normals_at(&self, time: f64) -> Vec<[Vec3; 3]> {
         self.keys
             .iter()
-            .map(|keys| between(keys, time).normals)
+            .map(|keys| interpolated(keys, time).normals)
             .collect()
     }
 }
 
-/// A triangle at a time: straight on from the key before to the one after, and at rest outside.
-fn between(keys: &[MorphKey], time: f64) -> MorphKey {
+/// The shape of a triangle at a time: linear between two keys, constant before the first and after the last.
+fn interpolated(keys: &[MorphKey], time: f64) -> MorphKey {
     let after = keys.partition_point(|key| key.time <= time);
     let before = keys[after.saturating_sub(1)];
     let Some(after) = keys.get(after) else {
@@ -494,9 +494,9 @@ fn between(keys: &[MorphKey], time: f64) -> MorphKey {
     if length <= 0.0 || time <= before.time {
         return before;
     }
-    let part = (time - before.time) / length;
+    let fraction = (time - before.time) / length;
     let mix = |a: [Vec3; 3], b: [Vec3; 3]| -> [Vec3; 3] {
-        std::array::from_fn(|i| a[i].as_dvec3().lerp(b[i].as_dvec3(), part).as_vec3())
+        std::array::from_fn(|i| a[i].as_dvec3().lerp(b[i].as_dvec3(), fraction).as_vec3())
     };
     MorphKey {
         time,

@@ -1,4 +1,4 @@
-//! The triangles of a part while a scene is read.
+//! A part under construction, while a scene is read.
 
 use std::sync::Arc;
 
@@ -7,9 +7,9 @@ use kd_core::{Mesh, MeshError};
 
 use crate::{Deformation, Morph, MorphKey, Part, Surface};
 
-/// Triangles that move together, with what they look like.
+/// A part under construction: triangles that move together, and their surface.
 #[derive(Debug)]
-pub(crate) struct Draft {
+pub(crate) struct PartDraft {
     name: String,
     node: Option<usize>,
     positions: Vec<[f32; 3]>,
@@ -18,25 +18,25 @@ pub(crate) struct Draft {
     morph: Option<Morph>,
 }
 
-/// What a triangle looks like.
+/// Indices of the material and the texture of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Look {
+pub(crate) struct SurfaceIds {
     pub(crate) material: u32,
     pub(crate) texture: u32,
 }
 
-/// From the coordinates of a block to those of the node it is in.
+/// The transform from the coordinates of a block or mesh to those of its node.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct Transform {
     to_node: DAffine3,
-    /// For normals.
+    /// Transforms normals; the matrix itself if it is singular.
     inverse_transpose: DMat3,
 }
 
-impl Place {
+impl Transform {
     pub(crate) fn new(to_node: DAffine3) -> Self {
         let determinant = to_node.matrix3.determinant();
-        // What is flattened has normals in the file that mean nothing any more.
+        // A singular transform flattens surfaces; their normals have no meaning.
         let inverse_transpose = if determinant == 0.0 {
             to_node.matrix3
         } else {
@@ -59,19 +59,20 @@ impl Place {
     }
 }
 
-impl Draft {
-    pub(crate) fn new(name: String, node: Option<usize>, morphs: bool) -> Self {
+impl PartDraft {
+    pub(crate) fn new(name: String, node: Option<usize>, is_morphing: bool) -> Self {
         Self {
             name,
             node,
             positions: Vec::new(),
             triangles: Vec::new(),
             surface: Surface::default(),
-            morph: morphs.then(Morph::default),
+            morph: is_morphing.then(Morph::default),
         }
     }
 
-    /// Adds a vertex, in the coordinates of the node; `None` where they do not fit f32.
+    /// Adds a vertex, in the coordinates of the node, and returns its index. `None` if a coordinate is not finite in `f32`, or
+    /// the part has 2^32 vertices.
     pub(crate) fn vertex(&mut self, at: DVec3) -> Option<u32> {
         let at = at.as_vec3();
         let number = u32::try_from(self.positions.len()).ok()?;
@@ -79,37 +80,38 @@ impl Draft {
         at.is_finite().then_some(number)
     }
 
-    /// Adds a triangle of vertices that are there, flat and without a texture.
-    pub(crate) fn triangle(&mut self, corners: [u32; 3], look: Look) {
+    /// Adds a triangle over existing vertices, without normals and texture coordinates.
+    pub(crate) fn triangle(&mut self, corners: [u32; 3], ids: SurfaceIds) {
         self.triangles.push(corners);
-        self.surface.materials.push(look.material);
-        if look.texture != Surface::NO_TEXTURE || !self.surface.textures.is_empty() {
-            let others = self.triangles.len() - 1;
-            self.surface.textures.resize(others, Surface::NO_TEXTURE);
-            self.surface.textures.push(look.texture);
+        self.surface.materials.push(ids.material);
+        if ids.texture != Surface::NO_TEXTURE || !self.surface.textures.is_empty() {
+            let before = self.triangles.len() - 1;
+            self.surface.textures.resize(before, Surface::NO_TEXTURE);
+            self.surface.textures.push(ids.texture);
         }
     }
 
-    /// Gives the triangle that was added last normals at its corners.
+    /// Sets the normals at the corners of the triangle that was added last.
     pub(crate) fn set_normals(&mut self, normals: [Vec3; 3]) {
-        let others = self.triangles.len() - 1;
-        self.surface.normals.resize(others, [Vec3::ZERO; 3]);
+        let before = self.triangles.len() - 1;
+        self.surface.normals.resize(before, [Vec3::ZERO; 3]);
         self.surface.normals.push(normals);
     }
 
-    /// Gives the triangle that was added last places in its texture.
+    /// Sets the texture coordinates at the corners of the triangle that was added last.
     pub(crate) fn set_uvs(&mut self, uvs: [[f32; 2]; 3]) {
-        let others = self.triangles.len() - 1;
-        self.surface.uvs.resize(others, [[0.0; 2]; 3]);
+        let before = self.triangles.len() - 1;
+        self.surface.uvs.resize(before, [[0.0; 2]; 3]);
         self.surface.uvs.push(uvs);
     }
 
-    /// Gives the triangle that was added last its keys.
+    /// Sets the morph keys of the triangle that was added last.
     pub(crate) fn set_keys(&mut self, keys: Vec<MorphKey>) {
         let morph = self.morph.get_or_insert_default();
         morph.keys.push(keys);
     }
 
+    /// Pads the optional arrays of the surface, and checks the mesh.
     pub(crate) fn finish(mut self) -> Result<Part, MeshError> {
         let triangles = self.triangles.len();
         let surface = &mut self.surface;

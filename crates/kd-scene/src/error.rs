@@ -1,34 +1,34 @@
-//! What can be wrong with a mesh file, said with the place where it is wrong.
+//! The error of all readers: what is wrong with a file, and where.
 
 use std::io;
 
 use kd_core::MeshError;
 use thiserror::Error;
 
-/// Why a file could not be read as a mesh.
+/// Why a file cannot be read as a mesh or a scene.
 ///
-/// Every variant holds `file`, the name the reader was given. Lines are counted from 1; vertices,
-/// faces and other elements from 0, in file order. `line` is `None` where a format has no lines.
+/// Every variant holds `file`, the name that the reader was given. Lines count from 1; vertices, faces and other elements count
+/// from 0, in file order. `line` is `None` in formats without lines.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// The file could not be opened.
+    /// The file cannot be opened.
     #[error("{file}: cannot open: {source}")]
     Open {
         /// Name of the file.
         file: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The file was opened, but reading it failed.
+    /// The file was opened, but cannot be read to its end.
     #[error("{file}: cannot read: {source}")]
     Read {
         /// Name of the file.
         file: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The file is a scene, and not read as a mesh: `load_scene` does it.
+    /// The file is a scene, which `load_scene` reads.
     #[error("{file}: {format} files are scenes, not meshes")]
     UnsupportedFormat {
         /// Name of the file.
@@ -36,116 +36,116 @@ pub enum LoadError {
         /// Name of the format, for example `glTF`.
         format: &'static str,
     },
-    /// Neither the first bytes nor the extension tell the format.
+    /// Neither the first bytes nor the extension identify the format.
     #[error("{file}: unknown format, expected .obj or .ply")]
     UnknownFormat {
         /// Name of the file.
         file: String,
     },
-    /// A line cannot be understood.
+    /// A line of a text file is invalid.
     #[error("{file}: line {line}: {problem}")]
     BadLine {
         /// Name of the file.
         file: String,
-        /// The line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Description of the fault.
         problem: String,
     },
-    /// The header is readable, but what it declares cannot be a mesh.
+    /// The header is missing or invalid, or declares something that is not a mesh.
     #[error("{file}: header: {problem}")]
     BadHeader {
         /// Name of the file.
         file: String,
-        /// What is wrong with it.
+        /// Description of the fault.
         problem: String,
     },
-    /// An element of a binary file cannot be understood.
+    /// An element of a binary or JSON file is invalid.
     #[error("{file}: {element} {index}: {problem}")]
     BadElement {
         /// Name of the file.
         file: String,
         /// Kind of the element, for example `face`.
         element: String,
-        /// Its number, from 0.
+        /// Index of the element, from 0.
         index: usize,
-        /// What is wrong with it.
+        /// Description of the fault.
         problem: String,
     },
-    /// The data ends before everything the header promises has come.
+    /// The data ends before the last element that the header declares.
     #[error("{file}: ends at {element} {index} of {count}")]
     Truncated {
         /// Name of the file.
         file: String,
-        /// Kind of the element that is missing, for example `vertex`.
+        /// Kind of the missing element, for example `vertex`.
         element: String,
-        /// Number of the first element that is missing or cut, from 0.
+        /// Index of the first missing or incomplete element, from 0.
         index: usize,
-        /// How many the header promises.
+        /// Number of elements that the header declares.
         count: usize,
     },
-    /// There is more data than the header declares.
+    /// Data follows the last element that the header declares.
     #[error("{file}: {bytes} bytes left over after the last element the header declares")]
     LeftOver {
         /// Name of the file.
         file: String,
-        /// How many bytes are left.
+        /// Number of bytes left over.
         bytes: usize,
     },
-    /// A coordinate is NaN, infinite or too large for `f32`.
-    #[error("{file}: {}vertex {vertex} is not finite", place(*line))]
+    /// A coordinate is NaN, infinite, or too large for `f32`.
+    #[error("{file}: {}vertex {vertex} is not finite", line_prefix(*line))]
     NotFinite {
         /// Name of the file.
         file: String,
-        /// The line, from 1.
+        /// Line number, from 1.
         line: Option<usize>,
-        /// The vertex, from 0.
+        /// Index of the vertex, from 0.
         vertex: usize,
     },
-    /// A face names a vertex that does not exist.
+    /// A face refers to a vertex that does not exist.
     #[error(
         "{file}: {}face {face}: index {index} is out of range, there are {vertices} vertices",
-        place(*line)
+        line_prefix(*line)
     )]
     IndexOutOfRange {
         /// Name of the file.
         file: String,
-        /// The line, from 1.
+        /// Line number, from 1.
         line: Option<usize>,
-        /// The face, from 0.
+        /// Index of the face, from 0.
         face: usize,
         /// The index as the file writes it.
         index: i64,
-        /// How many vertices there are.
+        /// Number of vertices, normals or texture coordinates that the index selects from.
         vertices: usize,
     },
-    /// A face has no area by construction. It is refused, not dropped: the file is damaged.
-    #[error("{file}: {}face {face} has {corners} corners, at least 3 are needed", place(*line))]
+    /// A face has fewer than three corners. It is refused, not dropped, because the file is damaged.
+    #[error("{file}: {}face {face} has {corners} corners, at least 3 are needed", line_prefix(*line))]
     TooFewCorners {
         /// Name of the file.
         file: String,
-        /// The line, from 1.
+        /// Line number, from 1.
         line: Option<usize>,
-        /// The face, from 0.
+        /// Index of the face, from 0.
         face: usize,
-        /// How many corners it has: 0, 1 or 2.
+        /// Number of corners: 0, 1 or 2.
         corners: usize,
     },
-    /// Everything was read, but it is no mesh.
+    /// The file was read, but [`Mesh`](kd_core::Mesh) refuses its content.
     #[error("{file}: {source}")]
     Mesh {
         /// Name of the file.
         file: String,
-        /// What the mesh found.
+        /// Error of the mesh.
         source: MeshError,
     },
 }
 
-fn place(line: Option<usize>) -> String {
+fn line_prefix(line: Option<usize>) -> String {
     line.map_or_else(String::new, |line| format!("line {line}: "))
 }
 
-/// At most 60 characters of a line, in backquotes, for an error text.
+/// The first 60 characters of a text in backquotes, for an error text; longer texts end in an ellipsis.
 pub(crate) fn quoted(text: &[u8]) -> String {
     let text = String::from_utf8_lossy(text);
     let mut short: String = text.trim().chars().take(60).collect();

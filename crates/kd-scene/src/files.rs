@@ -1,12 +1,12 @@
-//! Where scenes and what they name come from.
+//! Access to the file of a scene.
 
 use std::io;
 use std::path::Path;
 
 use crate::LoadError;
 
-/// The bytes of a scene's own file; `files` gives those of the system, or any others.
-pub(crate) fn opened(
+/// The bytes of the file at `path`, from the caller's file access `files`.
+pub(crate) fn read_file(
     path: &Path,
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<Vec<u8>, LoadError> {

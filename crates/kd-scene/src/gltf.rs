@@ -1,4 +1,4 @@
-//! glTF 2.0, with nodes that move and skins.
+//! Reader of glTF 2.0, with animated nodes and skins.
 
 mod accessors;
 mod buffers;
@@ -16,8 +16,8 @@ use gltf::json::Index;
 use gltf::json::validation::Checked;
 use gltf::mesh::Semantic;
 
-use crate::draft::{Draft, Look, Place};
-use crate::files::opened;
+use crate::draft::{PartDraft, SurfaceIds, Transform};
+use crate::files::read_file;
 use crate::{
     Camera, ColorSpace, Deformation, LoadError, Node, Part, SceneDescription, Skin, Surface,
 };
@@ -25,23 +25,23 @@ use accessors::Accessors;
 use buffers::Buffers;
 use container::Container;
 
-/// Reads a glTF file, `.gltf` or `.glb`, and the files that it names.
+/// Reads a glTF file, `.gltf` or `.glb`, and the buffers that it names. `files` reads the file at a path.
 ///
-/// What stands still is one part, everything that moves with one node is one, and every skin is one. The first animation is
-/// read: nodes that move, straight, in steps or along cubic splines, and skins that follow them. Materials have their base
-/// colour and its texture, and mirror as far as they are smooth; the first camera is read. What is not read, lights and shapes
-/// to blend above all, is a warning.
+/// All static triangles form one part, the triangles that move with a node form one part, and every skinned mesh forms one
+/// part. The reader supports the first animation (step, linear and cubic keys of nodes, and the skins that follow them), the
+/// first perspective camera, and materials by base colour, its texture, metalness and roughness; smooth materials reflect.
+/// Other animations, orthographic cameras and morph targets are ignored with a warning; lights are ignored.
 ///
 /// # Errors
 ///
-/// [`LoadError`] names the element that is wrong: the file is no glTF, a buffer is missing or too short, an index is out of
-/// range, a coordinate is not finite.
+/// [`LoadError`] with the invalid element: the file is not glTF, a buffer is missing or too short, an index is out of range, a
+/// coordinate is not finite.
 pub fn read_gltf(
     path: &Path,
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<SceneDescription, LoadError> {
     let file = path.display().to_string();
-    let bytes = opened(path, files)?;
+    let bytes = read_file(path, files)?;
     let broken = |problem: String| LoadError::BadHeader {
         file: file.clone(),
         problem,
@@ -49,7 +49,7 @@ pub fn read_gltf(
     let Container { json, blob } =
         Container::read(&bytes).map_err(|problem| broken(problem.to_owned()))?;
     let json = gltf::json::Root::from_slice(json).map_err(|error| broken(error.to_string()))?;
-    // The crate's own check looks at these before it knows that they are there.
+    // The validation of the crate would panic on these indices.
     let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let mut attributes = primitives.flat_map(|primitive| primitive.attributes.values());
     if let Some(missing) = attributes.find(|index| index.value() >= json.accessors.len()) {
@@ -57,7 +57,7 @@ pub fn read_gltf(
             file,
             element: "accessor".to_owned(),
             index: missing.value(),
-            problem: "it is not there".to_owned(),
+            problem: "does not exist".to_owned(),
         });
     }
     let document = gltf::Document::from_json(json).map_err(|error| broken(error.to_string()))?;
@@ -75,23 +75,24 @@ pub fn read_gltf(
         drafts: Vec::new(),
         draft_of: HashMap::new(),
         skinned: Vec::new(),
-        number_of: HashMap::new(),
+        node_index: HashMap::new(),
     };
     reader.read(&document)?;
     reader.finish()
 }
 
-/// What is around a node.
+/// The context of a node: the nearest animated ancestor.
 #[derive(Clone, Copy, Debug)]
-struct Around {
-    /// The innermost node that moves, and from the coordinates here to its own, or to the scene's.
-    mover: Option<usize>,
-    to_mover: DAffine3,
+struct Enclosing {
+    /// Index of the innermost animated node.
+    moving_node: Option<usize>,
+    /// Transform from the current coordinates to those of that node, or of the scene.
+    to_moving_node: DAffine3,
 }
 
-/// A part whose bones are not known yet.
-struct Skinned {
-    /// The number of the skin in the file.
+/// A skinned part, before the indices of its joints are known.
+struct SkinnedPart {
+    /// Index of the skin in the file.
     skin: usize,
     part: Part,
     influences: Vec<[(u16, f32); 4]>,
@@ -99,16 +100,16 @@ struct Skinned {
 
 struct Reader {
     file: String,
-    /// The file as it was written.
+    /// The parsed file.
     json: gltf::json::Root,
     buffers: Buffers,
     scene: SceneDescription,
-    drafts: Vec<Draft>,
-    /// The draft of what moves with a node.
+    drafts: Vec<PartDraft>,
+    /// Index of the draft for an animated node, or for static triangles.
     draft_of: HashMap<Option<usize>, usize>,
-    skinned: Vec<Skinned>,
-    /// The numbers here of the nodes of the file.
-    number_of: HashMap<usize, usize>,
+    skinned: Vec<SkinnedPart>,
+    /// Index in the scene of each node of the file.
+    node_index: HashMap<usize, usize>,
 }
 
 impl Reader {
@@ -118,39 +119,39 @@ impl Reader {
         let scene = document
             .default_scene()
             .or_else(|| document.scenes().next());
-        let around = Around {
-            mover: None,
-            to_mover: DAffine3::IDENTITY,
+        let enclosing = Enclosing {
+            moving_node: None,
+            to_moving_node: DAffine3::IDENTITY,
         };
-        // Not by recursion: a file may be as deep as it likes.
-        let mut open: Vec<(gltf::Node<'_>, Option<usize>, Around)> = Vec::new();
+        // An explicit stack, because the depth of a file is unbounded.
+        let mut pending: Vec<(gltf::Node<'_>, Option<usize>, Enclosing)> = Vec::new();
         if let Some(scene) = scene {
-            open.extend(scene.nodes().map(|node| (node, None, around)));
-            open.reverse();
+            pending.extend(scene.nodes().map(|node| (node, None, enclosing)));
+            pending.reverse();
         }
-        while let Some((node, parent, around)) = open.pop() {
-            if self.number_of.contains_key(&node.index()) {
-                return Err(self.bad("node", node.index(), "it is in two places"));
+        while let Some((node, parent, enclosing)) = pending.pop() {
+            if self.node_index.contains_key(&node.index()) {
+                return Err(self.bad_element("node", node.index(), "has two parents"));
             }
             let keys = motion.get(&node.index()).cloned().map(Arc::new);
             let number = self.scene.nodes.len();
-            self.number_of.insert(node.index(), number);
+            self.node_index.insert(node.index(), number);
             let own = local(&node);
-            let around = if keys.is_some() {
-                Around {
-                    mover: Some(number),
-                    to_mover: DAffine3::IDENTITY,
+            let enclosing = if keys.is_some() {
+                Enclosing {
+                    moving_node: Some(number),
+                    to_moving_node: DAffine3::IDENTITY,
                 }
             } else {
-                Around {
-                    to_mover: around.to_mover * own,
-                    ..around
+                Enclosing {
+                    to_moving_node: enclosing.to_moving_node * own,
+                    ..enclosing
                 }
             };
             self.scene.nodes.push(Node {
                 name: node.name().unwrap_or("").to_owned(),
                 parent,
-                place: if keys.is_some() {
+                transform: if keys.is_some() {
                     DAffine3::IDENTITY
                 } else {
                     own
@@ -158,13 +159,13 @@ impl Reader {
                 keys,
             });
             if let Some(mesh) = node.mesh() {
-                self.mesh(&node, &mesh, around)?;
+                self.mesh(&node, &mesh, enclosing)?;
             }
             self.camera(&node, number);
-            let before = open.len();
+            let before = pending.len();
             let children = node.children();
-            open.extend(children.map(|child| (child, Some(number), around)));
-            open[before..].reverse();
+            pending.extend(children.map(|child| (child, Some(number), enclosing)));
+            pending[before..].reverse();
         }
         self.skins(document)
     }
@@ -174,7 +175,7 @@ impl Reader {
             return;
         };
         let gltf::camera::Projection::Perspective(lens) = camera.projection() else {
-            self.warn("cameras without perspective are not read".to_owned());
+            self.warn("orthographic cameras are ignored".to_owned());
             return;
         };
         if self.scene.camera.is_none() {
@@ -192,22 +193,22 @@ impl Reader {
         &mut self,
         node: &gltf::Node<'_>,
         mesh: &gltf::Mesh<'_>,
-        around: Around,
+        enclosing: Enclosing,
     ) -> Result<(), LoadError> {
         if let Some(skin) = node.skin() {
             let name = node.name().unwrap_or("").to_owned();
-            let mut draft = Draft::new(name, None, false);
+            let mut draft = PartDraft::new(name, None, false);
             let mut influences = Vec::new();
             for primitive in mesh.primitives() {
-                let place = Place::new(DAffine3::IDENTITY);
-                let vertices = self.primitive(&mut draft, mesh.index(), &primitive, &place)?;
+                let transform = Transform::new(DAffine3::IDENTITY);
+                let vertices = self.primitive(&mut draft, mesh.index(), &primitive, &transform)?;
                 self.influences(mesh.index(), &primitive, vertices, &mut influences)?;
             }
             let part = draft.finish().map_err(|source| LoadError::Mesh {
                 file: self.file.clone(),
                 source,
             })?;
-            self.skinned.push(Skinned {
+            self.skinned.push(SkinnedPart {
                 skin: skin.index(),
                 part,
                 influences,
@@ -215,31 +216,34 @@ impl Reader {
             return Ok(());
         }
         let new = self.drafts.len();
-        let number = *self.draft_of.entry(around.mover).or_insert(new);
+        let number = *self.draft_of.entry(enclosing.moving_node).or_insert(new);
         if number == new {
-            let name = around
-                .mover
-                .map(|mover| self.scene.nodes[mover].name.clone());
-            self.drafts
-                .push(Draft::new(name.unwrap_or_default(), around.mover, false));
+            let name = enclosing
+                .moving_node
+                .map(|moving_node| self.scene.nodes[moving_node].name.clone());
+            self.drafts.push(PartDraft::new(
+                name.unwrap_or_default(),
+                enclosing.moving_node,
+                false,
+            ));
         }
-        let placeholder = Draft::new(String::new(), None, false);
+        let placeholder = PartDraft::new(String::new(), None, false);
         let mut draft = std::mem::replace(&mut self.drafts[number], placeholder);
-        let place = Place::new(around.to_mover);
+        let transform = Transform::new(enclosing.to_moving_node);
         for primitive in mesh.primitives() {
-            self.primitive(&mut draft, mesh.index(), &primitive, &place)?;
+            self.primitive(&mut draft, mesh.index(), &primitive, &transform)?;
         }
         self.drafts[number] = draft;
         Ok(())
     }
 
-    /// Adds triangles, and tells how many vertices.
+    /// Adds the triangles of a primitive, and returns its number of vertices.
     fn primitive(
         &mut self,
-        draft: &mut Draft,
+        draft: &mut PartDraft,
         mesh: usize,
         primitive: &gltf::Primitive<'_>,
-        place: &Place,
+        transform: &Transform,
     ) -> Result<usize, LoadError> {
         use gltf::mesh::Mode;
 
@@ -249,9 +253,11 @@ impl Reader {
         };
         let mut vertices = Vec::new();
         for position in positions {
-            let at = place.position(DVec3::from(position));
+            let at = transform.position(DVec3::from(position));
             let vertex = draft.vertex(at);
-            vertices.push(vertex.ok_or_else(|| self.bad("mesh", mesh, "a vertex is not finite"))?);
+            vertices.push(
+                vertex.ok_or_else(|| self.bad_element("mesh", mesh, "a vertex is not finite"))?,
+            );
         }
         let count = vertices.len();
         let corners: Vec<u32> = match self.json_of(mesh, primitive).and_then(|json| json.indices) {
@@ -260,7 +266,7 @@ impl Reader {
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
-                    reason = "they come from at most 32 bits; what is no index becomes one that is refused, or 0"
+                    reason = "integers have at most 32 bits; other values saturate and are refused as out of range, or become 0"
                 )]
                 let index = |[index]: [f64; 1]| index as u32;
                 indices.map(index).collect()
@@ -270,7 +276,7 @@ impl Reader {
         let corner = |i: usize| corners[i];
         let triangles: Vec<[u32; 3]> = match primitive.mode() {
             Mode::Triangles => corners.as_chunks::<3>().0.to_vec(),
-            // Every other one is turned round.
+            // Every second triangle of a strip is reversed.
             Mode::TriangleStrip => (2..corners.len())
                 .map(|i| [corner(i - 2), corner(i - 1 + i % 2), corner(i - i % 2)])
                 .collect(),
@@ -283,10 +289,10 @@ impl Reader {
         let normals: Option<Vec<Vec3>> = normals.map(|normals| {
             let normals = normals.into_iter();
             normals
-                .map(|normal| place.normal(DVec3::from(normal)))
+                .map(|normal| transform.normal(DVec3::from(normal)))
                 .collect()
         });
-        let (material, texture, set) = self.look_of(&primitive.material());
+        let (material, texture, set) = self.material_of(&primitive.material());
         let uvs = if texture == Surface::NO_TEXTURE {
             None
         } else {
@@ -299,7 +305,7 @@ impl Reader {
         } else {
             Surface::NO_TEXTURE
         };
-        let look = Look { material, texture };
+        let ids = SurfaceIds { material, texture };
         for (face, corners) in triangles.into_iter().enumerate() {
             let out_of_range = |index: u32| LoadError::IndexOutOfRange {
                 file: self.file.clone(),
@@ -313,7 +319,7 @@ impl Reader {
                 let found = vertices.get(corner as usize);
                 *to = *found.ok_or_else(|| out_of_range(corner))?;
             }
-            draft.triangle(of_draft, look);
+            draft.triangle(of_draft, ids);
             let at = corners.map(|corner| corner as usize);
             if let Some(normals) = normals.as_ref().filter(|normals| normals.len() == count) {
                 draft.set_normals(at.map(|corner| normals[corner]));
@@ -323,12 +329,12 @@ impl Reader {
             }
         }
         if primitive.morph_targets().next().is_some() {
-            self.warn(format!("mesh {mesh}: shapes to blend are not read"));
+            self.warn(format!("mesh {mesh}: morph targets are ignored"));
         }
         Ok(count)
     }
 
-    /// The bones of so many vertices.
+    /// Appends the joints and weights of `vertices` vertices to `to`.
     fn influences(
         &self,
         mesh: usize,
@@ -346,7 +352,7 @@ impl Reader {
                     #[expect(
                         clippy::cast_possible_truncation,
                         clippy::cast_sign_loss,
-                        reason = "what is no number of a bone becomes one that is refused, or 0"
+                        reason = "other values saturate and are refused as out of range, or become 0"
                     )]
                     let joint = joints[i] as u16;
                     let weight = narrow(weights[i]);
@@ -361,12 +367,12 @@ impl Reader {
                 })
             }));
         }
-        // Those without any stay where they are.
+        // Vertices without weights do not move.
         to.resize(end, [(0, 0.0); 4]);
         Ok(())
     }
 
-    /// What the file says of a primitive.
+    /// A primitive in the parsed file.
     fn json_of(
         &self,
         mesh: usize,
@@ -379,51 +385,51 @@ impl Reader {
             .get(primitive.index())
     }
 
-    /// What vertices have, if they do.
+    /// The values of a vertex attribute; `None` if the primitive lacks it.
     fn attribute<const N: usize>(
         &self,
         mesh: usize,
         primitive: &gltf::Primitive<'_>,
         semantic: &Semantic,
-        are_parts: bool,
+        is_normalized: bool,
     ) -> Result<Option<Vec<[f64; N]>>, LoadError> {
         let attributes = self.json_of(mesh, primitive).map(|json| &json.attributes);
         let index = attributes.and_then(|all| all.get(&Checked::Valid(semantic.clone())));
         index
-            .map(|index| self.numbers(*index, are_parts))
+            .map(|index| self.numbers(*index, is_normalized))
             .transpose()
     }
 
-    /// The values of an accessor.
+    /// The values of an accessor, with `N` numbers each.
     fn numbers<const N: usize>(
         &self,
         index: Index<gltf::json::Accessor>,
-        are_parts: bool,
+        is_normalized: bool,
     ) -> Result<Vec<[f64; N]>, LoadError> {
         let accessors = Accessors {
             root: &self.json,
             buffers: &self.buffers,
         };
-        let found = accessors.read(index, are_parts);
-        found.map_err(|problem| self.bad("accessor", index.value(), problem))
+        let found = accessors.read(index, is_normalized);
+        found.map_err(|problem| self.bad_element("accessor", index.value(), problem))
     }
 
-    /// Gives parts with skins their bones.
+    /// Adds the skinned parts, with the nodes that are their joints.
     fn skins(&mut self, document: &gltf::Document) -> Result<(), LoadError> {
         let skinned = std::mem::take(&mut self.skinned);
-        for Skinned {
+        for SkinnedPart {
             skin: number,
             mut part,
             influences,
         } in skinned
         {
             let skin = document.skins().nth(number);
-            let skin = skin.ok_or_else(|| self.bad("skin", number, "it is not there"))?;
+            let skin = skin.ok_or_else(|| self.bad_element("skin", number, "does not exist"))?;
             let mut joints = Vec::new();
             for joint in skin.joints() {
-                let node = self.number_of.get(&joint.index()).copied();
-                let problem = "a bone is not in the scene";
-                joints.push(node.ok_or_else(|| self.bad("skin", number, problem))?);
+                let node = self.node_index.get(&joint.index()).copied();
+                let problem = "a joint is not in the scene";
+                joints.push(node.ok_or_else(|| self.bad_element("skin", number, problem))?);
             }
             let json = self.json.skins.get(number);
             let matrices = json.and_then(|skin| skin.inverse_bind_matrices);
@@ -433,15 +439,16 @@ impl Reader {
                 .map(|matrix| DAffine3::from_mat4(DMat4::from_cols_array(&matrix)))
                 .collect();
             inverse_binds.resize(joints.len(), DAffine3::IDENTITY);
-            let highest = influences
+            let mut weighted = influences
                 .iter()
                 .flatten()
                 .filter(|(_, weight)| *weight > 0.0);
-            if highest
-                .clone()
-                .any(|(joint, _)| usize::from(*joint) >= joints.len())
-            {
-                return Err(self.bad("skin", number, "a vertex follows a bone that it has not"));
+            if weighted.any(|(joint, _)| usize::from(*joint) >= joints.len()) {
+                return Err(self.bad_element(
+                    "skin",
+                    number,
+                    "a vertex refers to a joint that is out of range",
+                ));
             }
             part.deformation = Some(Deformation::Skin(Skin {
                 joints,
@@ -453,6 +460,7 @@ impl Reader {
         Ok(())
     }
 
+    /// Adds a warning, once.
     fn warn(&mut self, what: String) {
         let warning = format!("{}: {what}", self.file);
         if !self.scene.warnings.contains(&warning) {
@@ -460,7 +468,7 @@ impl Reader {
         }
     }
 
-    fn bad(&self, element: &str, index: usize, problem: &str) -> LoadError {
+    fn bad_element(&self, element: &str, index: usize, problem: &str) -> LoadError {
         LoadError::BadElement {
             file: self.file.clone(),
             element: element.to_owned(),
@@ -485,7 +493,7 @@ impl Reader {
     }
 }
 
-/// Where a node stands in the one that it is in.
+/// The static transform of a node to the coordinates of its parent.
 fn local(node: &gltf::Node<'_>) -> DAffine3 {
     let columns = node
         .transform()
@@ -496,7 +504,7 @@ fn local(node: &gltf::Node<'_>) -> DAffine3 {
 
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "files have them as f32, or fewer bits"
+    reason = "the file stores f32 or smaller numbers"
 )]
 fn narrow(number: f64) -> f32 {
     number as f32

@@ -1,9 +1,9 @@
-//! Key frames: where something is at some times, and the curves between them.
+//! Key frames, and the curves between them.
 //!
-//! As in BART (J. Lext, U. Assarsson, T. Möller, *BART: A Benchmark for Animated Ray Tracing*, 2000): positions and sizes go
-//! along splines of Kochanek and Bartels (*Interpolating Splines with Local Tension, Continuity, and Bias Control*, 1984),
-//! rotations along such splines of quaternions. The first and the last key only give the others their direction: what moves
-//! does so between the second and the last but one, and is at rest outside. Those of glTF are in [`sampled`].
+//! The curves are those of BART (J. Lext, U. Assarsson, T. Möller, *BART: A Benchmark for Animated Ray Tracing*, 2000):
+//! translations and scales follow splines of Kochanek and Bartels (*Interpolating Splines with Local Tension, Continuity, and
+//! Bias Control*, 1984), rotations follow the same splines over quaternions. The first and the last key only define tangents:
+//! the curve runs from the second key to the last but one, and is constant outside. The curves of glTF are in [`sampled`].
 
 pub(crate) mod sampled;
 
@@ -11,23 +11,23 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 
 use sampled::Sampled;
 
-/// How something moves.
+/// An animated transform: scale, then rotation, then translation, each along its own curve.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Keys {
     pub(crate) translation: Option<Curve<DVec3, DVec3>>,
     pub(crate) scale: Option<Curve<DVec3, DVec3>>,
     pub(crate) rotation: Option<Curve<Quaternion, DQuat>>,
-    /// From which times on it is seen, or not.
+    /// Times in seconds from which on the object is visible or invisible.
     pub(crate) visibility: Vec<(f64, bool)>,
 }
 
-/// How something goes from key to key.
+/// A curve through keys: `S` is the value of a spline, `L` that of a glTF sampler.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Curve<B, G> {
-    /// As in BART.
-    Spline(Track<B>),
-    /// As in glTF.
-    Sampled(Sampled<G>),
+pub(crate) enum Curve<S, L> {
+    /// A spline of BART.
+    Spline(Track<S>),
+    /// A sampler of glTF.
+    Sampled(Sampled<L>),
 }
 
 impl Curve<DVec3, DVec3> {
@@ -48,13 +48,13 @@ impl Curve<Quaternion, DQuat> {
     }
 }
 
-/// At least four keys, in the order of their times.
+/// A spline through at least four keys, in ascending order of time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Track<T> {
     keys: Vec<Key<T>>,
 }
 
-/// A value at a time, and how a curve goes through it.
+/// A value at a time in seconds, with the parameters of Kochanek and Bartels for the curve through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Key<T> {
     pub(crate) time: f64,
@@ -64,15 +64,15 @@ pub(crate) struct Key<T> {
     pub(crate) bias: f64,
 }
 
-/// Of any length: axes need not be of length 1.
+/// A quaternion of any length, because BART files may give axes of any length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Quaternion(DQuat);
 
-/// Sines below this are taken for zero, as in the reference code.
+/// Sines below this count as zero, as in the reference code of BART.
 const SMALL: f64 = 1e-3;
 
 impl Keys {
-    /// Where it is, turned and sized, at a time.
+    /// The transform at `time`, in seconds.
     pub fn transform(&self, time: f64) -> DAffine3 {
         let rotation = self.rotation.as_ref();
         let rotation = rotation.map_or(DMat3::IDENTITY, |curve| curve.at(time));
@@ -84,13 +84,13 @@ impl Keys {
         }
     }
 
-    /// Where it is at a time, without the rest.
+    /// The translation at `time`, in seconds.
     pub fn translation(&self, time: f64) -> DVec3 {
         let curve = self.translation.as_ref();
         curve.map_or(DVec3::ZERO, |curve| curve.at(time))
     }
 
-    /// Whether it is seen at a time: until the first key that says otherwise.
+    /// Whether the object is visible at `time`, in seconds. It is visible before the first visibility key.
     pub fn is_visible(&self, time: f64) -> bool {
         let passed = self.visibility.iter().take_while(|(from, _)| *from <= time);
         passed.last().is_none_or(|(_, is_visible)| *is_visible)
@@ -98,22 +98,23 @@ impl Keys {
 }
 
 impl<T> Track<T> {
-    /// Fewer than this are no curve.
-    pub(crate) const LEAST: usize = 4;
+    /// The least number of keys of a curve.
+    pub(crate) const MIN_KEYS: usize = 4;
 
-    /// `None` if there are too few, or if their times descend.
+    /// `None` if there are fewer than [`MIN_KEYS`](Self::MIN_KEYS) keys, or if their times descend.
     pub(crate) fn new(keys: Vec<Key<T>>) -> Option<Self> {
         let ascends = keys.is_sorted_by(|a, b| a.time <= b.time);
-        (keys.len() >= Self::LEAST && ascends).then_some(Self { keys })
+        (keys.len() >= Self::MIN_KEYS && ascends).then_some(Self { keys })
     }
 
-    /// The number of the key that begins what `time` is in, and which part of it has passed; no part at the ends.
-    fn place(&self, time: f64) -> (usize, Option<f64>) {
+    /// The segment that contains `time`: the index of its first key, and the fraction of it that has passed. The fraction is
+    /// `None` outside of the curve, where the value is that of the key.
+    fn segment_at(&self, time: f64) -> (usize, Option<f64>) {
         let last = self.keys.len() - 2;
         if time <= self.keys[1].time {
             return (1, None);
         }
-        // Times may repeat: what is between those is empty, and never met.
+        // A segment between two equal times is empty and never selected.
         match (1..last).find(|i| time < self.keys[i + 1].time) {
             None => (last, None),
             Some(i) => {
@@ -123,8 +124,8 @@ impl<T> Track<T> {
         }
     }
 
-    /// How much the differences before, at and after what begins at a key count for the tangents at both its ends:
-    /// outwards `[before, at]`, inwards `[at, after]`.
+    /// The weights of the value differences of the segments before, at and after `first` in the two tangents of the segment:
+    /// outgoing tangent `[before, at]`, incoming tangent `[at, after]`.
     fn weights(&self, first: usize) -> ([f64; 2], [f64; 2]) {
         let keys = &self.keys[first - 1..first + 3];
         let length = keys[2].time - keys[1].time;
@@ -146,8 +147,8 @@ impl<T> Track<T> {
 
 impl Track<DVec3> {
     fn at(&self, time: f64) -> DVec3 {
-        let (first, part) = self.place(time);
-        let Some(u) = part else {
+        let (first, fraction) = self.segment_at(time);
+        let Some(u) = fraction else {
             return self.keys[first].value;
         };
         let [p0, p1, p2, p3] = std::array::from_fn(|i| self.keys[first - 1 + i].value);
@@ -162,12 +163,12 @@ impl Track<DVec3> {
 
 impl Track<Quaternion> {
     fn at(&self, time: f64) -> Quaternion {
-        let (first, part) = self.place(time);
-        let Some(u) = part else {
+        let (first, fraction) = self.segment_at(time);
+        let Some(u) = fraction else {
             return self.keys[first].value;
         };
         let (mut q0, mut q1) = (self.keys[0].value, self.keys[1].value);
-        // Each is turned to the side of the one before it, from the first that counts to the end of this segment.
+        // Each quaternion takes the sign that is closer to its predecessor, from the second key to the end of this segment.
         let mut q2 = q1;
         for i in 1..=first {
             (q0, q1) = if i == 1 { (q0, q1) } else { (q1, q2) };
@@ -188,14 +189,14 @@ impl Track<Quaternion> {
 }
 
 impl Quaternion {
-    /// A turn about an axis, which is used as it is, by an angle in degrees.
+    /// A rotation about an axis by an angle in degrees. The axis is not normalised.
     pub(crate) fn about(axis: DVec3, degrees: f64) -> Self {
         let (sine, cosine) = libm::sincos(degrees.to_radians() * 0.5);
         let vector = axis * sine;
         Self(DQuat::from_xyzw(vector.x, vector.y, vector.z, cosine))
     }
 
-    fn from_parts(scalar: f64, vector: DVec3) -> Self {
+    fn from_scalar_and_vector(scalar: f64, vector: DVec3) -> Self {
         Self(DQuat::from_xyzw(vector.x, vector.y, vector.z, scalar))
     }
 
@@ -215,7 +216,7 @@ impl Quaternion {
         Self(self.0 * other.0)
     }
 
-    /// What turns this one into another.
+    /// The rotation from `self` to `other`.
     fn ratio(self, other: Self) -> Self {
         Self(self.0.conjugate() * other.0)
     }
@@ -234,19 +235,20 @@ impl Quaternion {
         let angle = vector.length();
         let (sine, cosine) = libm::sincos(angle);
         if sine.abs() > SMALL {
-            Self::from_parts(cosine, vector * (sine / angle))
+            Self::from_scalar_and_vector(cosine, vector * (sine / angle))
         } else {
-            Self::from_parts(cosine, vector)
+            Self::from_scalar_and_vector(cosine, vector)
         }
     }
 
-    fn slerp(self, other: Self, part: f64) -> Self {
+    fn slerp(self, other: Self, fraction: f64) -> Self {
         let angle = libm::acos(self.dot(other).clamp(-1.0, 1.0));
         let sine = libm::sin(angle);
         if sine.abs() <= SMALL {
             return self;
         }
-        let weights = [(1.0 - part) * angle, part * angle].map(|angle| libm::sin(angle) / sine);
+        let weights =
+            [(1.0 - fraction) * angle, fraction * angle].map(|angle| libm::sin(angle) / sine);
         let sum = DVec4::from(self.0) * weights[0] + DVec4::from(other.0) * weights[1];
         Self(DQuat::from_vec4(sum))
     }
@@ -257,12 +259,12 @@ impl Quaternion {
         if axis == DVec3::ZERO {
             return DMat3::IDENTITY;
         }
-        turn(axis, angle)
+        rotation_about(axis, angle)
     }
 }
 
-/// A turn about a unit axis, with libm's sines, so that a scene is the same on every platform.
-pub(crate) fn turn(axis: DVec3, radians: f64) -> DMat3 {
+/// The matrix of a rotation about a unit axis. Sines come from libm, so that a scene is the same on every platform.
+pub(crate) fn rotation_about(axis: DVec3, radians: f64) -> DMat3 {
     let (sine, cosine) = libm::sincos(radians);
     let DVec3 { x, y, z } = axis;
     let rest = 1.0 - cosine;
@@ -301,11 +303,11 @@ mod tests {
 
     fn track<T>(keys: impl IntoIterator<Item = (f64, T)>) -> Track<T> {
         let keys = keys.into_iter().map(|(time, value)| key(time, value));
-        Track::new(keys.collect()).expect("enough, and in order")
+        Track::new(keys.collect()).expect("enough keys, in order")
     }
 
     #[test]
-    fn what_moves_evenly_moves_straight() {
+    fn evenly_spaced_keys_give_linear_motion() {
         let keys = track((0..6).map(|i| (f64::from(i), DVec3::new(f64::from(i), 0.0, 1.0))));
         for (time, x) in [
             (-3.0, 1.0),
@@ -324,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_go_through_their_keys_whatever_their_bias() {
+    fn curves_pass_through_their_keys_for_every_bias() {
         let mut keys = track([0.0, 0.5, 2.0, 2.5, 4.0].map(|t| (t, DVec3::new(t * t, -t, 1.0))));
         for key in &mut keys.keys {
             (key.tension, key.continuity, key.bias) = (0.3, -0.5, 0.8);
@@ -343,17 +345,20 @@ mod tests {
             }
             keys.at(0.6).x - 0.25
         };
-        assert!(stiff(1.0) < stiff(0.0), "tension slows down at keys");
+        assert!(stiff(1.0) < stiff(0.0), "tension slows motion at keys");
     }
 
     #[test]
-    fn times_may_repeat() {
+    fn key_times_may_repeat() {
         let at_ends = track(
             [(0.0, 0.0), (0.0, 0.0), (1.0, 1.0), (1.0, 1.0)]
                 .map(|(time, x)| (time, DVec3::splat(x))),
         );
         assert_eq!(at_ends.at(0.0), DVec3::ZERO);
-        assert!((at_ends.at(0.5) - 0.5).abs().max_element() < 0.2, "between");
+        assert!(
+            (at_ends.at(0.5) - 0.5).abs().max_element() < 0.2,
+            "between the keys"
+        );
         let inside = track(
             [
                 (0.0, 0.0),
@@ -365,55 +370,55 @@ mod tests {
             ]
             .map(|(time, x)| (time, DVec3::splat(x))),
         );
-        assert_eq!(inside.at(2.0), DVec3::splat(5.0), "the later one");
+        assert_eq!(inside.at(2.0), DVec3::splat(5.0), "the later key");
         assert!(inside.at(2.5).is_finite(), "{}", inside.at(2.5));
         let keys = vec![key(1.0, DVec3::ZERO), key(0.0, DVec3::ZERO)];
         assert_eq!(
             Track::new([keys.clone(), keys].concat()),
             None,
-            "they may not descend"
+            "key times must not descend"
         );
-        assert_eq!(Track::<DVec3>::new(vec![]), None, "nothing is no curve");
+        assert_eq!(Track::<DVec3>::new(vec![]), None, "a curve needs keys");
     }
 
     #[test]
-    fn turns_about_one_axis_add_up() {
-        let turns = track((0..5).map(|i| {
+    fn rotations_about_one_axis_add_up() {
+        let rotations = track((0..5).map(|i| {
             let i = f64::from(i);
             (i, Quaternion::about(DVec3::Y, 40.0 * i))
         }));
         for time in [1.0, 1.3, 2.0, 2.9, 3.0] {
             let keys = Keys {
-                rotation: Some(Curve::Spline(turns.clone())),
+                rotation: Some(Curve::Spline(rotations.clone())),
                 ..Keys::default()
             };
-            let turned = keys.transform(time).transform_vector3(DVec3::X);
-            let expected = turn(DVec3::Y, (40.0 * time).to_radians()) * DVec3::X;
+            let rotated = keys.transform(time).transform_vector3(DVec3::X);
+            let expected = rotation_about(DVec3::Y, (40.0 * time).to_radians()) * DVec3::X;
             assert!(
-                (turned - expected).length() < 1e-9,
-                "{time}: {turned}, not {expected}"
+                (rotated - expected).length() < 1e-9,
+                "{time}: {rotated}, not {expected}"
             );
         }
     }
 
     #[test]
-    fn the_short_way_round_is_taken() {
-        let turns = track(
+    fn rotations_take_the_shorter_arc() {
+        let rotations = track(
             [0.0, 10.0, 350.0, 340.0]
                 .into_iter()
                 .zip(0..)
                 .map(|(degrees, i)| (f64::from(i), Quaternion::about(DVec3::Z, degrees))),
         );
         let keys = Keys {
-            rotation: Some(Curve::Spline(turns)),
+            rotation: Some(Curve::Spline(rotations)),
             ..Keys::default()
         };
-        let turned = keys.transform(1.5).transform_vector3(DVec3::X);
-        assert!(turned.x > 0.9, "through 0 degrees, not 180: {turned}");
+        let rotated = keys.transform(1.5).transform_vector3(DVec3::X);
+        assert!(rotated.x > 0.9, "through 0 degrees, not 180: {rotated}");
     }
 
     #[test]
-    fn sizes_come_before_turns() {
+    fn scale_comes_before_rotation() {
         let keys = Keys {
             translation: Some(Curve::Spline(track(
                 (0..4).map(|i| (f64::from(i), DVec3::new(5.0, 0.0, 0.0))),

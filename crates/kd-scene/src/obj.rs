@@ -1,10 +1,9 @@
-//! Wavefront OBJ: `tobj` reads it, from a stream that holds nothing but geometry.
+//! Reader of Wavefront OBJ: `tobj` parses a stream that is filtered to geometry.
 //!
-//! `tobj` 4 makes a polygon of a polyline (`l 1 2 3`), drops faces of two corners, refuses comments
-//! behind a statement and broken lines (`\`), refuses files where only some vertices have a colour,
-//! and its errors name no line. All of that lies in statements that a ray tracer does not need or
-//! in things a filter can see, so [`Geometry`] hands it one plain `v` or `f` statement at a time
-//! and remembers the line. What `tobj` finds only at the end is looked for once more, by line.
+//! `tobj` 4 turns a polyline (`l 1 2 3`) into a polygon, drops faces of two corners, refuses comments after a statement, line
+//! continuations (`\`), and files where only some vertices have a colour, and its errors name no line. A filter can handle all
+//! of these: [`Geometry`] passes one plain `v` or `f` statement at a time to `tobj` and keeps its line number. Errors that
+//! `tobj` detects only at the end are located by a second pass over the lines.
 
 #[cfg(feature = "scenes")]
 mod scene;
@@ -19,17 +18,17 @@ use crate::error::quoted;
 #[cfg(feature = "scenes")]
 pub use scene::read_obj_scene;
 
-/// Reads a Wavefront OBJ file; `name` is used in errors only.
+/// Reads the geometry of a Wavefront OBJ file as a mesh. Errors name the file `name`.
 ///
-/// Objects, groups and materials become one mesh with the faces in file order; a missing material
-/// file is no error. Vertices come in the order in which faces first use them, each once; those
-/// that no face uses are left out. Negative (relative) indices and faces that stand before their
-/// vertices are valid. A fourth coordinate divides the other three; colours are ignored, and so are
-/// points, lines and statements that are not known.
+/// All objects, groups and materials form one mesh, with the faces in file order as triangle fans. Vertices are ordered by
+/// their first use in a face; unused vertices are dropped. Negative (relative) indices are valid, and so are faces before their
+/// vertices. A fourth coordinate divides the other three. Colours, material files, points, lines and unknown statements are
+/// ignored. The whole file is held in memory.
 ///
 /// # Errors
-/// [`LoadError`] with the line: bad numbers, faces of fewer than three corners, indices out of
-/// range (0 always is), coordinates that are not finite, free-form curves and surfaces.
+///
+/// [`LoadError`] with the line: an invalid number, a face of fewer than three corners, an index out of range (such as 0), a
+/// coordinate that is not finite, a free-form curve or surface.
 pub fn read_obj(mut reader: impl BufRead, name: &str) -> Result<Mesh, LoadError> {
     let file = || name.to_owned();
     let mut bytes = Vec::new();
@@ -45,7 +44,7 @@ pub fn read_obj(mut reader: impl BufRead, name: &str) -> Result<Mesh, LoadError>
         triangulate: true,
         ..Default::default()
     };
-    // Statements that would ask for a material file never reach tobj.
+    // The filter removes the statements that name material files.
     let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
     let models = match tobj::load_obj_buf(&mut geometry, &options, no_materials) {
         Ok((models, _)) => models,
@@ -78,13 +77,13 @@ pub fn read_obj(mut reader: impl BufRead, name: &str) -> Result<Mesh, LoadError>
     })
 }
 
-/// Some editors put it before UTF-8 text; the first statement is behind it.
+/// The byte order mark that some editors write before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
-/// The statements of a file: lines without comments, broken lines joined.
+/// The statements of a file: lines without comments, with continued lines joined.
 struct Statements<'a> {
     rest: &'a [u8],
-    /// Lines taken so far, so the number of the last line of the current statement.
+    /// Number of lines taken: the line number of the end of the current statement.
     lines: usize,
 }
 
@@ -96,7 +95,7 @@ impl<'a> Statements<'a> {
         }
     }
 
-    /// Writes the next statement to `into` and returns the number of its first line.
+    /// Writes the next statement to `into`, and returns the number of its first line, from 1.
     fn next_into(&mut self, into: &mut Vec<u8>) -> Option<usize> {
         into.clear();
         let first = self.lines + 1;
@@ -127,28 +126,32 @@ fn words(statement: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
         .filter(|word| !word.is_empty())
 }
 
-/// The position index of a face's corner: what stands before the first slash.
+/// The position index of a corner of a face: the text before the first slash.
 fn position_index(corner: &[u8]) -> &[u8] {
     match corner.iter().position(|&byte| byte == b'/') {
-        // A corner that starts with a slash has no position: kept whole, so that it is refused.
+        // A corner that starts with a slash has no position. It stays whole, so that `tobj` refuses it.
         Some(0) | None => corner,
         Some(slash) => &corner[..slash],
     }
 }
 
-/// A stream of plain `v` and `f` statements.
+/// A stream of plain `v` and `f` statements for `tobj`.
 struct Geometry<'a> {
     bytes: &'a [u8],
     name: &'a str,
     statements: Statements<'a>,
-    /// The current statement as the file has it, and as `tobj` sees it from `given` on.
+    /// The current statement in the file.
     statement: Vec<u8>,
+    /// The current statement as `tobj` reads it; the first `consumed` bytes are read.
     plain: Vec<u8>,
-    given: usize,
+    consumed: usize,
+    /// Line number of the current statement.
     line: usize,
+    /// Numbers of vertices and faces so far.
     vertices: usize,
     faces: usize,
-    refused: Option<LoadError>,
+    /// The error of the filter, which `tobj` cannot carry.
+    error: Option<LoadError>,
 }
 
 impl<'a> Geometry<'a> {
@@ -159,18 +162,18 @@ impl<'a> Geometry<'a> {
             statements: Statements::new(bytes),
             statement: Vec::new(),
             plain: Vec::new(),
-            given: 0,
+            consumed: 0,
             line: 0,
             vertices: 0,
             faces: 0,
-            refused: None,
+            error: None,
         }
     }
 
     /// Finds the next `v` or `f` statement. At the end of the file `plain` stays empty.
     fn advance(&mut self) -> Result<(), LoadError> {
         self.plain.clear();
-        self.given = 0;
+        self.consumed = 0;
         while self.plain.is_empty() {
             let Some(line) = self.statements.next_into(&mut self.statement) else {
                 return Ok(());
@@ -183,7 +186,7 @@ impl<'a> Geometry<'a> {
             match words.next() {
                 Some(b"v") => {
                     self.vertices += 1;
-                    // Four numbers are homogeneous; anything behind three others is colour.
+                    // Four numbers are homogeneous coordinates; more than four are a position and a colour.
                     let numbers = if words.clone().count() == 4 { 4 } else { 3 };
                     self.plain.push(b'v');
                     for number in words.take(numbers) {
@@ -191,7 +194,7 @@ impl<'a> Geometry<'a> {
                         self.plain.extend_from_slice(number);
                     }
                 }
-                // `fo` is the old spelling of `f`.
+                // `fo` is an obsolete spelling of `f`.
                 Some(b"f" | b"fo") => {
                     let (face, corners) = (self.faces, words.clone().count());
                     if corners < 3 {
@@ -228,11 +231,11 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Adds the place to what `tobj` says. It asks for one statement at a time, so a statement it
-    /// cannot read is the current one; indices it checks at the end, so these are looked for.
+    /// Adds the location to an error of `tobj`. `tobj` reads one statement at a time, so an invalid statement is the current
+    /// one. It checks indices at the end, so an index out of range is searched for.
     fn explain(mut self, error: tobj::LoadError) -> LoadError {
-        if let Some(refused) = self.refused.take() {
-            return refused;
+        if let Some(error) = self.error.take() {
+            return error;
         }
         match error {
             tobj::LoadError::FaceVertexOutOfBounds => self.first_bad_index(),
@@ -296,21 +299,21 @@ impl Read for Geometry<'_> {
 
 impl BufRead for Geometry<'_> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.given == self.plain.len()
-            && let Err(refused) = self.advance()
+        if self.consumed == self.plain.len()
+            && let Err(error) = self.advance()
         {
-            self.refused = Some(refused);
+            self.error = Some(error);
             return Err(io::ErrorKind::InvalidData.into());
         }
-        Ok(&self.plain[self.given..])
+        Ok(&self.plain[self.consumed..])
     }
 
     fn consume(&mut self, count: usize) {
-        self.given += count;
+        self.consumed += count;
     }
 }
 
-/// Line and number of the first vertex that is not finite as `f32`.
+/// Line number and index of the first vertex that is not finite in `f32`.
 fn first_not_finite(bytes: &[u8]) -> Option<(usize, usize)> {
     let mut statements = Statements::new(bytes);
     let mut statement = Vec::new();

@@ -1,10 +1,9 @@
-//! PLY: `ply-rs-bw` reads the header and the binary elements, one at a time.
+//! Reader of PLY: `ply-rs-bw` parses the header and one binary element at a time.
 //!
-//! One at a time, because the crate's own loop believes the header: 71 bytes that announce 30
-//! million vertices without properties made it allocate 1.2 GB (version 4.0.1, 2026-11-23). Here
-//! every element that is read takes bytes from the file, so memory is bounded by the file. Text
-//! elements are split here: the crate's grammar refuses `.5`, `1.` and `nan`, and does not notice
-//! values left over at the end of a line.
+//! The loop of the crate over elements trusts the header: 71 bytes that declare 30 million vertices without properties made it
+//! allocate 1.2 GB (version 4.0.1, 2026-11-23). The loop here reads elements only from bytes of the file, so the size of the
+//! file bounds the memory. Text elements are parsed here, because the grammar of the crate refuses `.5`, `1.` and `nan`, and
+//! ignores extra values at the end of a line.
 
 use kd_core::Mesh;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -15,18 +14,17 @@ use ply_rs_bw::ply::{
 use crate::LoadError;
 use crate::error::quoted;
 
-/// Reads a PLY file, text or binary in either byte order; `name` is used in errors only.
+/// Reads a PLY file as a mesh: text, or binary in either byte order. Errors name the file `name`.
 ///
-/// Read are the scalar properties `x`, `y`, `z` of `vertex`, of any number type, and the list
-/// `vertex_indices` or `vertex_index` of `face`, of any integer type, from 0. Other properties and
-/// elements are skipped. Vertices keep their order; faces become fans in file order. Without a
-/// `face` element the mesh has no triangles.
+/// The reader uses the scalar properties `x`, `y`, `z` of `vertex`, of any number type, and the list `vertex_indices` or
+/// `vertex_index` of `face`, of any integer type, with indices from 0. It skips other properties and elements. Vertices keep
+/// their order; faces become triangle fans in file order. Without a `face` element, the mesh has no triangles.
 ///
 /// # Errors
-/// [`LoadError`] with the line (header, text) or the element (binary): a header that cannot be
-/// read or names something twice, data that ends early or is left over, bad numbers, coordinates that are not finite in
-/// `f32`, faces of fewer than three corners, indices out of range. Triangle strips
-/// (`tristrips`) are refused, not skipped.
+///
+/// [`LoadError`] with the line (header, text) or the element (binary): an invalid header, a name that is declared twice,
+/// missing or extra data, an invalid number, a coordinate that is not finite in `f32`, a face of fewer than three corners, an
+/// index out of range, triangle strips (`tristrips`).
 pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
     let file = || name.to_owned();
     let parser = Parser::<Row>::new();
@@ -51,7 +49,7 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
     let line = reader.line();
     let rest = reader.into_inner();
     refuse_duplicates(&bytes[..bytes.len() - rest.len()], &header, name)?;
-    let mut source = Source {
+    let mut elements = ElementReader {
         name,
         parser,
         encoding: header.encoding,
@@ -62,21 +60,21 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
     let mut positions = Vec::new();
     let mut faces = Faces::default();
     for element in header.elements.values() {
-        let kind = Kind::of(element).map_err(|problem| LoadError::BadHeader {
+        let kind = ElementKind::of(element).map_err(|problem| LoadError::BadHeader {
             file: file(),
             problem,
         })?;
-        // An element without properties has no data, whatever its count says.
+        // An element without properties has no data, for every count.
         let count = if element.properties.is_empty() {
             0
         } else {
             element.count
         };
         for index in 0..count {
-            let row = source.next_row(element, index)?;
-            let line = source.text_line();
+            let row = elements.next_row(element, index)?;
+            let line = elements.text_line();
             match kind {
-                Kind::Vertex => {
+                ElementKind::Vertex => {
                     let position = row.position.map(nearest);
                     if position.iter().any(|coordinate| !coordinate.is_finite()) {
                         return Err(LoadError::NotFinite {
@@ -87,7 +85,7 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
                     }
                     positions.push(position);
                 }
-                Kind::Face if row.corners.len() < 3 => {
+                ElementKind::Face if row.corners.len() < 3 => {
                     return Err(LoadError::TooFewCorners {
                         file: file(),
                         line,
@@ -95,13 +93,13 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
                         corners: row.corners.len(),
                     });
                 }
-                Kind::Face => faces.push(&row.corners, line),
-                Kind::Other => {}
+                ElementKind::Face => faces.push(&row.corners, line),
+                ElementKind::Other => {}
             }
         }
     }
-    // A line end behind the data is common and harmless.
-    let left = source.rest.trim_ascii();
+    // A line end after the data is common and harmless.
+    let left = elements.rest.trim_ascii();
     if !left.is_empty() {
         return Err(LoadError::LeftOver {
             file: file(),
@@ -115,22 +113,22 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
     })
 }
 
-/// The mesh is `f32`: what does not fit becomes infinite, and is refused as such.
-#[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+/// The nearest `f32`. A number that does not fit becomes infinite and is refused later.
+#[expect(clippy::cast_possible_truncation, reason = "rounding is intended")]
 fn nearest(coordinate: f64) -> f32 {
     coordinate as f32
 }
 
-/// What an element is to a mesh.
+/// The role of an element in a mesh.
 #[derive(Clone, Copy)]
-enum Kind {
+enum ElementKind {
     Vertex,
     Face,
     Other,
 }
 
-impl Kind {
-    /// Tells by the name, and checks that the properties needed are there.
+impl ElementKind {
+    /// Determines the role by the name, and checks that the required properties exist.
     fn of(element: &ElementDef) -> Result<Self, String> {
         let types = &element.properties;
         match element.name.as_str() {
@@ -138,7 +136,7 @@ impl Kind {
                 for axis in ["x", "y", "z"] {
                     let found = types.get(axis).map(|property| &property.data_type);
                     if !matches!(found, Some(PropertyType::Scalar(_))) {
-                        return Err(format!("`vertex` has no number `{axis}`"));
+                        return Err(format!("`vertex` has no scalar property `{axis}`"));
                     }
                 }
                 Ok(Self::Vertex)
@@ -162,8 +160,8 @@ impl Kind {
     }
 }
 
-/// The crate keeps the last of two elements, or two properties, of one name and forgets the other,
-/// so that the data would be read out of step.
+/// Refuses two elements, or two properties of an element, of the same name. The crate keeps only the last of them, so that it
+/// would assign data to the wrong properties.
 fn refuse_duplicates(text: &[u8], header: &Header, name: &str) -> Result<(), LoadError> {
     let lines_with = |keyword: &[u8]| {
         let lines = text.split(|&byte| byte == b'\n');
@@ -185,13 +183,13 @@ fn is_integer_list(data_type: &PropertyType) -> bool {
     matches!(data_type, PropertyType::List(count, item) if integer(count) && integer(item))
 }
 
-/// Faces as read. They may stand before the vertices, so indices are checked at the end.
+/// The faces of the file. They may precede the vertices, so their indices are checked at the end.
 #[derive(Default)]
 struct Faces {
     corners: Vec<i64>,
-    /// Where each face ends in `corners`.
+    /// End of each face in `corners`.
     ends: Vec<usize>,
-    /// The line of each face, in a text file.
+    /// Line of each face in a text file; empty in a binary file.
     lines: Vec<usize>,
 }
 
@@ -202,6 +200,7 @@ impl Faces {
         self.lines.extend(line);
     }
 
+    /// The triangle fans of all faces, after a check of their indices.
     fn fans(&self, vertices: usize, name: &str) -> Result<Vec<[u32; 3]>, LoadError> {
         let mut triangles = Vec::with_capacity(self.corners.len() - 2 * self.ends.len());
         let mut polygon = Vec::new();
@@ -230,7 +229,7 @@ impl Faces {
     }
 }
 
-/// The part of one element that makes a mesh.
+/// The properties of one element that a mesh uses.
 #[derive(Default)]
 struct Row {
     position: [f64; 3],
@@ -293,18 +292,18 @@ impl PropertyAccess for Row {
     }
 }
 
-/// What follows the header.
-struct Source<'a> {
+/// The data after the header.
+struct ElementReader<'a> {
     name: &'a str,
     parser: Parser<Row>,
     encoding: Encoding,
     rest: &'a [u8],
-    /// The line `rest` starts with; after a text element, the line behind it.
+    /// Line number of the start of `rest`.
     line: usize,
 }
 
-impl<'a> Source<'a> {
-    /// The line of the last element read, if the file is text.
+impl<'a> ElementReader<'a> {
+    /// Line number of the last element, if the file is text.
     fn text_line(&self) -> Option<usize> {
         (self.encoding == Encoding::Ascii).then(|| self.line - 1)
     }
@@ -344,7 +343,7 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// The next line that is not blank.
+    /// Takes the next line that is not blank.
     fn next_line(&mut self) -> Option<&'a [u8]> {
         while !self.rest.is_empty() {
             let end = self.rest.iter().position(|&byte| byte == b'\n');
@@ -381,10 +380,10 @@ fn text_row(line: &[u8], element: &ElementDef) -> Result<Row, &'static str> {
             }
             PropertyType::List(_, ref scalar) => {
                 let count: usize = word.parse().map_err(|_| "bad list count")?;
-                let corners = is_corner_list(property);
+                let is_corners = is_corner_list(property);
                 for _ in 0..count {
                     let word = words.next().ok_or("too few values")?;
-                    if corners {
+                    if is_corners {
                         row.corners.push(word.parse().map_err(|_| "bad number")?);
                     } else {
                         number(word, scalar)?;
@@ -399,7 +398,7 @@ fn text_row(line: &[u8], element: &ElementDef) -> Result<Row, &'static str> {
     }
 }
 
-/// Reads a number as the declared type would hold it, so that text and binary files agree.
+/// Parses a number and rounds it to the declared type, so that text and binary files give equal meshes.
 fn number(word: &str, scalar: &ScalarType) -> Result<f64, &'static str> {
     match scalar {
         ScalarType::Float => word.parse::<f32>().map(f64::from),

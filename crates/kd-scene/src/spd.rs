@@ -1,9 +1,8 @@
-//! The Standard Procedural Databases of Eric Haines: eleven scenes that grow with a size.
+//! The Standard Procedural Databases (SPD) of Eric Haines: eleven procedural scenes with a size parameter.
 //!
-//! Primitives are tessellated as the databases' own tools do: see [`tessellate`](crate::tessellate). Positions are
-//! worked out in `f64` and rounded once. Sine, cosine, tangent and exponential come from `libm`, a
-//! port in plain Rust: the standard library's are the platform's, which differ in the last bit, and
-//! a benchmark must build the same tree everywhere.
+//! The tessellation of primitives follows the tools of the SPD: see [`tessellate`](crate::tessellate). Positions are computed
+//! in `f64` and rounded once. Sine, cosine, tangent and exponential come from `libm`, a port in Rust, because those of the
+//! standard library differ in the last bit between platforms, and a benchmark must build the same tree everywhere.
 
 mod balls;
 mod gears;
@@ -26,74 +25,74 @@ use thiserror::Error;
 
 use crate::Camera;
 
-/// A mesh with everything needed to look at it.
+/// A generated mesh with a camera and lights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneSetup {
-    /// For example `balls-4`.
+    /// Scene and size, for example `balls-4`.
     pub name: String,
-    /// The triangles, in the order in which the scene's rules produce them.
+    /// The triangles, in the order in which the scene generates them.
     pub mesh: Mesh,
-    /// The view the scene is meant to be seen from.
+    /// The camera that the SPD specifies.
     pub camera: Camera,
-    /// Positions of point lights; at least one.
+    /// Positions of the point lights, at least one.
     pub lights: Vec<Vec3>,
 }
 
 /// One of the procedural scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Spd {
-    /// Spheres on spheres, ever smaller, over a large floor: very uneven density.
+    /// Recursive spheres on spheres over a large floor: very uneven density.
     Balls,
-    /// Gears in a cube: coplanar caps, long thin triangles, flat faces on shared planes.
+    /// Gears in a cube: coplanar caps, long thin triangles, and flat faces on shared planes.
     Gears,
     /// A fractal height field and four spheres.
     Mount,
-    /// A pyramid of interlocking rings before a wall.
+    /// A pyramid of interlocking rings in front of a wall.
     Rings,
     /// Newell's teapot on a board.
     Teapot,
-    /// A Sierpinski tetrahedron: many shared corners, all planes oblique.
+    /// A Sierpinski tetrahedron: many shared corners, no axis-aligned triangles.
     Tetra,
     /// A tree of cones on a huge field: long thin triangles, very uneven density.
     Tree,
-    /// A regular lattice of spheres and cylinders: uniform, axis-aligned.
+    /// A regular lattice of spheres and cylinders: uniform density, axis-aligned.
     Lattice,
-    /// A spiral of spheres that overlap heavily, over decades of size: no plane separates much.
+    /// A spiral of heavily overlapping spheres, over several orders of magnitude in size: few planes separate them.
     Shells,
-    /// A smooth height field over a uniform grid.
+    /// A smooth height field on a uniform grid.
     Sombrero,
-    /// Crosses of cylinders and spheres inside one another.
+    /// Nested crosses of cylinders and spheres.
     Jacks,
 }
 
-/// Why a scene was not generated.
+/// Why a scene cannot be generated.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum SpdError {
-    /// Sizes start at 1.
+    /// The size is 0.
     #[error("scene {scene}: size must be at least 1")]
     SizeZero {
-        /// The scene asked for.
+        /// The requested scene.
         scene: Spd,
     },
-    /// The scene would have more than [`Spd::MAX_TRIANGLES`] triangles.
+    /// The scene has more than [`Spd::MAX_TRIANGLES`] triangles at this size.
     #[error(
         "scene {scene} of size {size} has more than {} triangles",
         Spd::MAX_TRIANGLES
     )]
     TooLarge {
-        /// The scene asked for.
+        /// The requested scene.
         scene: Spd,
-        /// The size asked for.
+        /// The requested size.
         size: u32,
     },
     /// No scene has this name.
-    #[error("no scene is called `{name}`, expected one of {}", names())]
+    #[error("unknown scene `{name}`, expected one of {}", names())]
     UnknownName {
-        /// The name asked for.
+        /// The requested name.
         name: String,
     },
-    /// The generated mesh was refused. That is a fault of this crate.
+    /// [`Mesh`] refuses the generated triangles, which is a fault of this crate.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }
@@ -103,10 +102,10 @@ fn names() -> String {
 }
 
 impl Spd {
-    /// The most triangles that [`generate`](Self::generate) makes. Their arrays take up to 0.8 GB.
+    /// Maximum number of triangles of [`generate`](Self::generate), 2^25. Their arrays take up to 0.8 GB.
     pub const MAX_TRIANGLES: u64 = 1 << 25;
 
-    /// All scenes, in the customary order.
+    /// All scenes, in the order of the SPD.
     pub const ALL: [Self; 11] = [
         Self::Balls,
         Self::Gears,
@@ -121,7 +120,7 @@ impl Spd {
         Self::Jacks,
     ];
 
-    /// The name in lower case, as [`FromStr`] reads it.
+    /// The name in lower case, which [`FromStr`] parses.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Balls => "balls",
@@ -138,7 +137,7 @@ impl Spd {
         }
     }
 
-    /// The size the original program takes if none is given.
+    /// The default size of the original program.
     pub const fn default_size(self) -> u32 {
         match self {
             Self::Balls | Self::Gears => 4,
@@ -151,11 +150,11 @@ impl Spd {
         }
     }
 
-    /// How many triangles the scene has at `size`, or `None` if that is more than
-    /// [`MAX_TRIANGLES`](Self::MAX_TRIANGLES) or `size` is 0.
+    /// The number of triangles of the scene at `size`. `None` if `size` is 0, or the number exceeds
+    /// [`MAX_TRIANGLES`](Self::MAX_TRIANGLES). Computed in constant time.
     pub fn triangles(self, size: u32) -> Option<u64> {
-        // Every scene has at least size^2 triangles, or the power it is asked for below: what this
-        // turns away is too large anyway, and what it lets through fits 64 bits.
+        // Every scene has at least size^2 triangles, so larger sizes exceed the maximum. Smaller sizes do not overflow 64 bits
+        // below, because `power` is bounded.
         if size == 0 || size > 1 << 13 {
             return None;
         }
@@ -181,11 +180,12 @@ impl Spd {
         (count <= Self::MAX_TRIANGLES).then_some(count)
     }
 
-    /// Makes the scene. Its mesh has exactly [`triangles`](Self::triangles) triangles; time and
-    /// memory are in proportion.
+    /// Generates the scene, identical bit for bit on every platform. Its mesh has exactly [`triangles`](Self::triangles)
+    /// triangles; time and memory are linear in that number.
     ///
     /// # Errors
-    /// [`SpdError::SizeZero`], or [`SpdError::TooLarge`] before anything is allocated.
+    ///
+    /// [`SpdError::SizeZero`], or [`SpdError::TooLarge`] before any allocation.
     ///
     /// ```
     /// use kd_scene::Spd;
@@ -203,7 +203,7 @@ impl Spd {
         if self.triangles(size).is_none() {
             return Err(SpdError::TooLarge { scene: self, size });
         }
-        let (draft, look) = match self {
+        let (draft, setup) = match self {
             Self::Balls => balls::make(size),
             Self::Gears => gears::make(size),
             Self::Mount => mount::make(size),
@@ -219,8 +219,8 @@ impl Spd {
         Ok(SceneSetup {
             name: format!("{self}-{size}"),
             mesh: draft.into_mesh()?,
-            camera: look.camera,
-            lights: look.lights,
+            camera: setup.camera,
+            lights: setup.lights,
         })
     }
 }
@@ -244,14 +244,14 @@ impl FromStr for Spd {
 }
 
 /// The camera and the lights of a scene.
-struct Look {
+struct CameraAndLights {
     camera: Camera,
     lights: Vec<Vec3>,
 }
 
-/// The look most scenes have: 45 degrees, up along +z.
-fn look(eye: [f32; 3], target: [f32; 3], lights: &[[f32; 3]]) -> Look {
-    Look {
+/// A camera with a field of view of 45 degrees and up along +z, as in most scenes, and lights.
+fn camera_and_lights(eye: [f32; 3], target: [f32; 3], lights: &[[f32; 3]]) -> CameraAndLights {
+    CameraAndLights {
         camera: Camera {
             eye: eye.into(),
             target: target.into(),

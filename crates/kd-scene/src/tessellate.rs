@@ -1,8 +1,8 @@
-//! Primitives to triangles, at the resolution the SPD tools use.
+//! Tessellation of spheres and cones, at the resolution that the SPD tools use.
 //!
-//! A sphere is a cube blown up: six faces of r x r cells on a grid of equal angles, 12 r^2
-//! triangles, welded along the cube's edges. A cone or cylinder has 4 r sides of two triangles and
-//! no caps. Faces turn counter-clockwise as seen from outside.
+//! A sphere is a projected cube: six faces of r × r cells on a grid of equal angles, 12 r² triangles, welded along the edges of
+//! the cube. A cone or cylinder has 4 r sides of two triangles and no caps. Triangles are counter-clockwise as seen from
+//! outside.
 
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_4, TAU};
@@ -10,17 +10,18 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 use glam::DVec3;
 use kd_core::{Mesh, MeshError};
 
-/// The resolution of all scenes but jacks.
+/// The resolution of all scenes except jacks.
 pub(crate) const RESOLUTION: u32 = 4;
 
-/// A mesh in the making. Positions are rounded to `f32` on the way in.
+/// A mesh under construction. It stores positions rounded to `f32`.
 #[derive(Default)]
-pub(crate) struct Draft {
+pub(crate) struct MeshDraft {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
-impl Draft {
+impl MeshDraft {
+    /// Adds a vertex, and returns its index.
     pub(crate) fn vertex(&mut self, position: DVec3) -> u32 {
         let index = u32::try_from(self.positions.len());
         self.positions.push(position.as_vec3().to_array());
@@ -31,13 +32,13 @@ impl Draft {
         self.triangles.push(corners);
     }
 
-    /// Two triangles that share the diagonal from the first corner to the third.
+    /// Adds two triangles that share the diagonal from the first to the third corner.
     pub(crate) fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
         self.triangle([a, b, c]);
         self.triangle([a, c, d]);
     }
 
-    /// A square of side `2 * half` around `center`, at a right angle to z, facing up.
+    /// Adds a square of side `2 * half` around `center`, perpendicular to z, facing +z.
     pub(crate) fn floor(&mut self, center: DVec3, half: f64) {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
         let corners = corners.map(|(x, y)| center + half * DVec3::new(x, y, 0.0));
@@ -45,12 +46,13 @@ impl Draft {
         self.quad(corners);
     }
 
+    /// Adds a scaled copy of the unit sphere around `center`.
     pub(crate) fn sphere(&mut self, unit: &UnitSphere, center: DVec3, radius: f64) {
-        let place = |&direction: &DVec3| center + radius * direction;
+        let position = |&direction: &DVec3| center + radius * direction;
         let base = u32::try_from(self.positions.len());
         let base =
             base.expect("a scene within its limit of triangles has far fewer than 2^32 vertices");
-        let positions = unit.directions.iter().map(place);
+        let positions = unit.directions.iter().map(position);
         self.positions
             .extend(positions.map(|position| position.as_vec3().to_array()));
         let triangles = unit.triangles.iter();
@@ -58,9 +60,9 @@ impl Draft {
             .extend(triangles.map(|corners| corners.map(|corner| base + corner)));
     }
 
-    /// The side of a cone from a circle around `base` to one around `tip`. The ends must differ.
+    /// Adds the side of a cone from the circle `base` to the circle `tip`, each a center and a radius. The centers must differ.
     pub(crate) fn cone(&mut self, resolution: u32, base: (DVec3, f64), tip: (DVec3, f64)) {
-        let ring: Vec<[u32; 2]> = around(tip.0 - base.0, resolution)
+        let ring: Vec<[u32; 2]> = circle_directions(tip.0 - base.0, resolution)
             .map(|outwards| {
                 [base, tip].map(|(center, radius)| self.vertex(center + radius * outwards))
             })
@@ -76,8 +78,8 @@ impl Draft {
     }
 }
 
-/// Unit vectors at right angles to an axis, all the way round: of a cone or a cylinder.
-pub(crate) fn around(axis: DVec3, resolution: u32) -> impl Iterator<Item = DVec3> {
+/// `4 * resolution` unit vectors perpendicular to an axis, at equal angles around it.
+pub(crate) fn circle_directions(axis: DVec3, resolution: u32) -> impl Iterator<Item = DVec3> {
     let (across, along) = axis.normalize().any_orthonormal_pair();
     let sides = 4 * resolution;
     (0..sides).map(move |side| {
@@ -86,7 +88,7 @@ pub(crate) fn around(axis: DVec3, resolution: u32) -> impl Iterator<Item = DVec3
     })
 }
 
-/// A tessellated sphere of radius 1 around the origin, made once and placed many times.
+/// A tessellated sphere of radius 1 around the origin, made once and copied.
 pub(crate) struct UnitSphere {
     pub(crate) directions: Vec<DVec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
@@ -94,7 +96,7 @@ pub(crate) struct UnitSphere {
 
 impl UnitSphere {
     pub(crate) fn new(resolution: u32) -> Self {
-        // Equal angles along an edge of the cube; its ends exactly at the corners.
+        // Equal angles along an edge of the cube, with exact values at the corners.
         let coordinate = |step: u32| match step {
             0 => -1.0,
             _ if step == resolution => 1.0,
@@ -104,19 +106,19 @@ impl UnitSphere {
             directions: Vec::new(),
             triangles: Vec::new(),
         };
-        // Points are known by their place on the cube's grid: faces meet in the same vertices.
-        let mut known = HashMap::new();
+        // The position on the grid of the cube identifies a vertex, so adjacent faces share vertices.
+        let mut vertices = HashMap::new();
         for axis in 0..3 {
             for step in [0, resolution] {
                 let mut point = |u: u32, v: u32| {
-                    let mut place = [0; 3];
-                    place[axis] = step;
-                    place[(axis + 1) % 3] = u;
-                    place[(axis + 2) % 3] = v;
-                    *known.entry(place).or_insert_with(|| {
+                    let mut cell = [0; 3];
+                    cell[axis] = step;
+                    cell[(axis + 1) % 3] = u;
+                    cell[(axis + 2) % 3] = v;
+                    *vertices.entry(cell).or_insert_with(|| {
                         sphere
                             .directions
-                            .push(DVec3::from(place.map(coordinate)).normalize());
+                            .push(DVec3::from(cell.map(coordinate)).normalize());
                         sphere.directions.len() - 1
                     })
                 };
@@ -129,8 +131,12 @@ impl UnitSphere {
                             point(u, v + 1),
                         ]
                         .map(|index| u32::try_from(index).expect("a few hundred directions"));
-                        let inwards = step == 0;
-                        let quad = if inwards { [d, c, b, a] } else { [a, b, c, d] };
+                        let is_reversed = step == 0;
+                        let quad = if is_reversed {
+                            [d, c, b, a]
+                        } else {
+                            [a, b, c, d]
+                        };
                         sphere.triangles.push([quad[0], quad[1], quad[2]]);
                         sphere.triangles.push([quad[0], quad[2], quad[3]]);
                     }
@@ -145,7 +151,7 @@ impl UnitSphere {
 mod tests {
     use super::*;
 
-    /// Every edge once in each direction: closed, welded, all faces turning the same way.
+    /// Checks that every edge occurs once in each direction: the mesh is closed, welded and consistently oriented.
     #[track_caller]
     fn assert_closed(mesh: &Mesh) {
         let mut edges = HashMap::new();
@@ -153,7 +159,7 @@ mod tests {
             for edge in [[a, b], [b, c], [c, a]] {
                 assert!(
                     edges.insert(edge, ()).is_none(),
-                    "edge {edge:?} is used twice"
+                    "edge {edge:?} occurs twice"
                 );
             }
         }
@@ -179,7 +185,7 @@ mod tests {
         for (resolution, triangles, fill) in
             [(1, 12, 0.3), (2, 48, 0.7), (4, 192, 0.9), (9, 972, 0.98)]
         {
-            let mut draft = Draft::default();
+            let mut draft = MeshDraft::default();
             let center = DVec3::new(1.0, -2.0, 0.5);
             draft.sphere(&UnitSphere::new(resolution), center, 3.0);
             let mesh = draft.into_mesh().expect("a mesh");
@@ -197,14 +203,14 @@ mod tests {
             let share = volume(&mesh) / ball;
             assert!(
                 share > fill && share < 1.0,
-                "share {share}: outward faces give volume"
+                "share {share} of the volume of the ball"
             );
         }
     }
 
     #[test]
-    fn cones_have_the_right_area_and_face_outwards() {
-        let mut draft = Draft::default();
+    fn cones_have_the_expected_area_and_face_outwards() {
+        let mut draft = MeshDraft::default();
         let (base, tip) = (DVec3::new(1.0, 0.0, 0.0), DVec3::new(1.0, 3.0, 4.0));
         draft.cone(RESOLUTION, (base, 0.5), (tip, 0.25));
         let mesh = draft.into_mesh().expect("a mesh");

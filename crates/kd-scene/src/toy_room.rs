@@ -1,7 +1,7 @@
-//! An animated scene of the project's own: a toy car that drives through a room.
+//! A generated animated scene: a toy car that drives through a room.
 //!
-//! In the spirit of BART's kitchen: much that stands still, some of it polished or of glass, and little that moves, some of it
-//! turning by itself, over a camera that follows. It is written as AFF and read back, so that it can be given to others.
+//! It resembles BART's kitchen: many static triangles, some of them mirrors or glass, few moving triangles with nested
+//! rotations, and a camera that follows. The scene is written as AFF text and read back, so that other programs can use it.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -9,27 +9,27 @@ use std::path::Path;
 
 use crate::{AffOptions, LoadError, SceneDescription, read_aff};
 
-/// Seconds that it takes, and frames.
+/// Length of the animation in seconds and in frames.
 const SECONDS: f64 = 10.0;
 const FRAMES: usize = 250;
-/// The car's wheels, and the road that its front axle takes: an ellipse round the table.
+/// Radius of the wheels, and the half-axes of the road: an ellipse around the table.
 const WHEEL: f64 = 0.06;
 const ROAD: [f64; 2] = [1.9, 1.3];
-/// Keys along the road, and those of a wheel for each turn.
+/// Number of keys along the road, and of a wheel per revolution.
 const ROAD_KEYS: u32 = 24;
 const TURN_KEYS: f64 = 4.0;
 
-/// Adds to a text, which cannot fail.
+/// Appends a line to a `String`, which cannot fail.
 macro_rules! add {
     ($text:expr, $($arguments:tt)*) => {
         let _ = writeln!($text, $($arguments)*);
     };
 }
 
-/// A room with a table, shelves, vases and balls, and a car with turning wheels that drives round the table, seen by a camera
-/// that turns after it: 250 frames in 10 seconds.
+/// Generates an animated scene: a room with a table, shelves, vases and balls, a car with rotating wheels that drives around
+/// the table, and a camera that follows it. 250 frames in 10 seconds.
 ///
-/// About 3 thousand triangles times the square of `size`, and 2 thousand, 4 to 7 % of which move; `size` is at least 1.
+/// The scene has about 3000 · `size`² + 2000 triangles, of which 4 to 7 % move. A `size` of 0 counts as 1.
 ///
 /// ```
 /// let room = kd_scene::toy_room(1)?;
@@ -40,7 +40,7 @@ macro_rules! add {
 ///
 /// # Errors
 ///
-/// [`LoadError`] if the size asks for too many triangles.
+/// [`LoadError`] if the scene would exceed the default [`AffOptions::max_triangles`].
 pub fn toy_room(size: u32) -> Result<SceneDescription, LoadError> {
     let options = AffOptions {
         resolution: size.max(1).saturating_mul(2),
@@ -50,7 +50,7 @@ pub fn toy_room(size: u32) -> Result<SceneDescription, LoadError> {
     read_aff("toy_room.aff".as_ref(), &mut only, &options)
 }
 
-/// The text of [`toy_room`], in AFF: its size is the resolution at which spheres and cones are read.
+/// The AFF text of [`toy_room`]. The size of the room is set on reading: [`AffOptions::resolution`] is twice the size.
 pub fn toy_room_aff() -> String {
     let mut text = String::from(
         "b 0.5 0.6 0.8\nam 1 1 1\n\
@@ -77,7 +77,7 @@ fn material(text: &mut String, color: [f64; 3], mirror: f64, shine: f64) {
     );
 }
 
-/// A box, by its least and greatest corner, seen from outside, or from inside.
+/// Adds an axis-aligned box by its lower and upper corners, facing outwards, or inwards if `inside`.
 fn cuboid(text: &mut String, low: [f64; 3], high: [f64; 3], inside: bool) {
     let corner = |i: usize| {
         let pick = |axis: usize| {
@@ -143,7 +143,7 @@ fn table(text: &mut String) {
     for (x, z) in [(-0.9, -0.5), (0.9, -0.5), (-0.9, 0.5), (0.9, 0.5)] {
         add!(text, "c {x} 0 {z} 0.03 {x} 0.7 {z} 0.05");
     }
-    // Vases of slices, one of them of glass, and what lies around.
+    // Two vases, and balls of glass and metal.
     for (x, z, color) in [(-0.6, 0.1, [0.2, 0.35, 0.6]), (0.7, -0.3, [0.6, 0.2, 0.2])] {
         material(text, color, 0.15, 80.0);
         vase(text, x, z);
@@ -156,13 +156,14 @@ fn table(text: &mut String) {
     add!(text, "s 0.45 0.85 0.3 0.1\ns -0.25 0.82 -0.3 0.07");
 }
 
-/// What a potter would turn.
+/// Adds a surface of revolution.
 fn vase(text: &mut String, x: f64, z: f64) {
-    let radius =
-        |part: f64| 0.06 + 0.07 * libm::sin(0.5 * TAU * part) + 0.03 * libm::cos(TAU * part);
+    let radius = |fraction: f64| {
+        0.06 + 0.07 * libm::sin(0.5 * TAU * fraction) + 0.03 * libm::cos(TAU * fraction)
+    };
     for slice in 0..8 {
         let [low, high] = [slice, slice + 1].map(|i| f64::from(i) / 8.0);
-        let [y0, y1] = [low, high].map(|part| 0.75 + 0.4 * part);
+        let [y0, y1] = [low, high].map(|fraction| 0.75 + 0.4 * fraction);
         add!(
             text,
             "c {x} {y0} {z} {:.4} {x} {y1} {z} {:.4}",
@@ -184,29 +185,29 @@ fn shelves(text: &mut String) {
                 [near.max(far), y + 0.03, 2.0],
                 false,
             );
-            // Books of all sizes.
+            // Books of pseudo-random sizes and colours.
             for book in 0_u32..14 {
                 let number = book + 14 * level + if side > 0.0 { 56 } else { 0 };
-                let some = |step: u32| f64::from((number * 7919 + step * 104_729) % 97) / 97.0;
+                let random = |step: u32| f64::from((number * 7919 + step * 104_729) % 97) / 97.0;
                 material(
                     text,
                     [
-                        0.2 + 0.6 * some(1),
-                        0.2 + 0.5 * some(2),
-                        0.2 + 0.6 * some(3),
+                        0.2 + 0.6 * random(1),
+                        0.2 + 0.5 * random(2),
+                        0.2 + 0.6 * random(3),
                     ],
                     0.0,
                     10.0,
                 );
                 let z = -2.5 + 0.3 * f64::from(book);
-                let (x, depth) = (3.95 * side, 0.25 + 0.1 * some(4));
+                let (x, depth) = (3.95 * side, 0.25 + 0.1 * random(4));
                 let ends = [x, x - depth * side];
-                let high = y + 0.03 + 0.2 + 0.2 * some(5);
+                let high = y + 0.03 + 0.2 + 0.2 * random(5);
                 let low = [ends[0].min(ends[1]), y + 0.03, z];
                 cuboid(
                     text,
                     low,
-                    [ends[0].max(ends[1]), high, z + 0.05 + 0.15 * some(6)],
+                    [ends[0].max(ends[1]), high, z + 0.05 + 0.15 * random(6)],
                     false,
                 );
             }
@@ -215,7 +216,7 @@ fn shelves(text: &mut String) {
 }
 
 fn balls(text: &mut String) {
-    // Heaps in two corners, four, three, two and one in a row.
+    // Pyramids in two corners, with 4 × 4, 3 × 3, 2 × 2 and 1 balls.
     for (x, z, turn) in [(-3.2, -2.2, 1.0), (3.0, 2.6, -1.0)] {
         for level in 0..4 {
             let count = 4 - level;
@@ -234,7 +235,7 @@ fn balls(text: &mut String) {
     }
 }
 
-/// At the origin, driving along +x.
+/// Adds the car at the origin, facing +x.
 fn car(text: &mut String) {
     add!(text, "x car {{");
     material(text, [0.75, 0.08, 0.06], 0.25, 90.0);
@@ -293,7 +294,7 @@ fn car(text: &mut String) {
                 0.03 * side,
                 0.02 * side
             );
-            // Something that shows how it turns.
+            // A bar makes the rotation visible.
             cuboid(
                 text,
                 [-0.034, -0.006, 0.02 * side - 0.01],
@@ -307,13 +308,13 @@ fn car(text: &mut String) {
 }
 
 fn keys(text: &mut String) {
-    // One more key before and after, which only give the curves their direction.
+    // The first and the last key only define the tangents.
     add!(text, "k car {{\ntransl {}", ROAD_KEYS + 3);
     let on_road = |key: i32| {
-        let part = f64::from(key) / f64::from(ROAD_KEYS);
-        (SECONDS * part, TAU * part)
+        let fraction = f64::from(key) / f64::from(ROAD_KEYS);
+        (SECONDS * fraction, TAU * fraction)
     };
-    let keys = || -1..=i32::try_from(ROAD_KEYS).expect("few") + 1;
+    let keys = || -1..=i32::try_from(ROAD_KEYS).expect("fits in 32 bits") + 1;
     for key in keys() {
         let (time, angle) = on_road(key);
         let (x, z) = (ROAD[0] * libm::cos(angle), -ROAD[1] * libm::sin(angle));
@@ -330,10 +331,11 @@ fn keys(text: &mut String) {
         );
     }
     add!(text, "}}");
-    // As far as the car goes, its wheels roll.
+    // The wheels roll without slipping.
     let [a, b] = ROAD;
-    let around = std::f64::consts::PI * (3.0 * (a + b) - ((3.0 * a + b) * (a + 3.0 * b)).sqrt());
-    let turns = (around / (TAU * WHEEL) * TURN_KEYS).round();
+    let circumference =
+        std::f64::consts::PI * (3.0 * (a + b) - ((3.0 * a + b) * (a + 3.0 * b)).sqrt());
+    let turns = (circumference / (TAU * WHEEL) * TURN_KEYS).round();
     #[expect(clippy::cast_possible_truncation, reason = "about a hundred")]
     let count = turns as i32;
     add!(text, "k wheel {{\nrot {}", count + 3);
@@ -360,33 +362,33 @@ fn keys(text: &mut String) {
     camera(text);
 }
 
-/// It stands by the wall and turns after the car.
+/// Adds the camera, which stays near the wall and turns towards the car.
 fn camera(text: &mut String) {
     let count = 12;
     add!(text, "k camera {{\ntransl {}", count + 3);
-    let eye = |part: f64| {
+    let eye = |fraction: f64| {
         [
-            0.9 * libm::sin(TAU * part),
-            1.5 + 0.15 * libm::cos(TAU * part),
+            0.9 * libm::sin(TAU * fraction),
+            1.5 + 0.15 * libm::cos(TAU * fraction),
             2.85,
         ]
     };
-    let parts = || (-1..=count + 1).map(|key| f64::from(key) / f64::from(count));
-    for part in parts() {
-        let [x, y, z] = eye(part);
-        add!(text, "{:.4} {x:.5} {y:.5} {z:.5} 0 0 0", SECONDS * part);
+    let fractions = || (-1..=count + 1).map(|key| f64::from(key) / f64::from(count));
+    for fraction in fractions() {
+        let [x, y, z] = eye(fraction);
+        add!(text, "{:.4} {x:.5} {y:.5} {z:.5} 0 0 0", SECONDS * fraction);
     }
     add!(text, "rot {}", count + 3);
-    for part in parts() {
-        let angle = TAU * part;
-        let [x, y, z] = eye(part);
-        // Half of the way to the car.
+    for fraction in fractions() {
+        let angle = TAU * fraction;
+        let [x, y, z] = eye(fraction);
+        // The target is about half of the way to the car.
         let (dx, dy, dz) = (
             0.45 * ROAD[0] * libm::cos(angle) - x,
             0.45 - y,
             -0.45 * ROAD[1] * libm::sin(angle) - z,
         );
-        // First down, then to the side: one turn that does both.
+        // Pitch, then yaw, combined into one rotation.
         let (side, down) = (libm::atan2(-dx, -dz), libm::atan2(dy, libm::hypot(dx, dz)));
         let (s, c) = libm::sincos(0.5 * side);
         let (t, d) = libm::sincos(0.5 * down);
@@ -397,7 +399,7 @@ fn camera(text: &mut String) {
         add!(
             text,
             "{:.4} {ax:.6} {ay:.6} {az:.6} {degrees:.4} 0 0 0",
-            SECONDS * part
+            SECONDS * fraction
         );
     }
     add!(text, "}}");
@@ -410,15 +412,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_car_stays_on_the_floor_and_in_the_room() {
-        let room = toy_room(1).expect("small");
-        let span = room.span.expect("it moves");
+    fn the_car_stays_on_the_road() {
+        let room = toy_room(1).expect("within the limits");
+        let span = room.span.expect("an animation");
         assert_eq!((span.frames, span.end), (FRAMES, SECONDS));
         for frame in (0..FRAMES).step_by(10) {
             let nodes = room.placed_nodes(span.time_of(frame));
             for part in room.parts.iter().filter(|part| part.node.is_some()) {
                 let to = SceneDescription::placed_part(part, &nodes);
-                let mesh = part.mesh.transformed(&to).expect("near");
+                let mesh = part.mesh.transformed(&to).expect("finite positions");
                 let bounds = mesh.bounds();
                 assert!(
                     bounds.min.y > -1e-3 && bounds.max.y < 0.3,
@@ -432,7 +434,7 @@ mod tests {
                     bounds.max.z < 2.0 && bounds.min.z > -2.0,
                     "{frame}: {bounds:?}"
                 );
-                // Not through the legs of the table.
+                // The car does not collide with the table.
                 let middle = bounds.center();
                 assert!(
                     (middle.x / 1.05).abs() > 1.0 || (middle.z / 0.65).abs() > 1.0,
@@ -443,12 +445,12 @@ mod tests {
     }
 
     #[test]
-    fn the_camera_looks_after_the_car() {
-        let room = toy_room(1).expect("small");
-        let span = room.span.expect("it moves");
+    fn the_camera_follows_the_car() {
+        let room = toy_room(1).expect("within the limits");
+        let span = room.span.expect("an animation");
         for frame in (0..FRAMES).step_by(25) {
             let time = span.time_of(frame);
-            let camera = room.camera_at(time).expect("it has one");
+            let camera = room.camera_at(time).expect("a camera");
             let car = room.placed_nodes(time)[0].translation.as_vec3();
             let forward = (camera.target - camera.eye).normalize();
             let cosine = forward.dot((car - camera.eye).normalize());
@@ -458,9 +460,9 @@ mod tests {
     }
 
     #[test]
-    fn it_grows_with_its_size_and_little_of_it_moves() {
+    fn triangles_grow_with_the_size_and_few_of_them_move() {
         let count = |size: u32| {
-            let room = toy_room(size).expect("small");
+            let room = toy_room(size).expect("within the limits");
             let moving = room.parts.iter().filter(|part| part.node.is_some());
             let moving: usize = moving.map(|part| part.mesh.len()).sum();
             let all: usize = room.parts.iter().map(|part| part.mesh.len()).sum();

@@ -1,5 +1,5 @@
-//! AFF files: every command, what may be wrong with them, and BART's scenes against what is known of them.
-#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
+//! The AFF reader: every command, every error, and BART's scenes compared with known frames.
+#![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
 use std::collections::HashMap;
 use std::io;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use kd_scene::{AffOptions, LoadError, SceneDescription, Surface, load_aff, load_mesh, read_aff};
 
-/// Reads files that are texts here, the first of which is the scene.
+/// Reads a scene from texts in memory; the first file is the scene.
 fn read(files: &[(&str, &str)], options: &AffOptions) -> Result<SceneDescription, LoadError> {
     let all: HashMap<PathBuf, &str> = files
         .iter()
@@ -92,20 +92,28 @@ fn every_command_is_read() {
         .iter()
         .map(|p| (p.name.as_str(), p.mesh.len()))
         .collect();
-    let still = 192 + 32 + 2 + 1 + 1 + 1;
-    assert_eq!(parts, [("", still), ("car", 1), ("car/wheel", 1), ("", 1)]);
-    let [still, car, _, morphing] = scene.parts.as_slice() else {
-        unreachable!("four, as above");
+    let static_triangles = 192 + 32 + 2 + 1 + 1 + 1;
+    assert_eq!(
+        parts,
+        [
+            ("", static_triangles),
+            ("car", 1),
+            ("car/wheel", 1),
+            ("", 1)
+        ]
+    );
+    let [fixed, car, _, morphing] = scene.parts.as_slice() else {
+        unreachable!("the four parts above");
     };
     let Surface {
         materials,
         textures,
         normals,
         uvs,
-    } = &still.surface;
+    } = &fixed.surface;
     assert_eq!(
         [materials.len(), textures.len(), normals.len(), uvs.len()],
-        [still.mesh.len(); 4]
+        [fixed.mesh.len(); 4]
     );
     assert_eq!(
         textures[224..],
@@ -117,36 +125,42 @@ fn every_command_is_read() {
             1
         ]
     );
-    assert_eq!(normals[226][1], Vec3::Z, "of unit length");
-    // Turned by a quarter about z, and twice as large.
-    let corners = still.mesh.corners(228);
+    assert_eq!(normals[226][1], Vec3::Z, "normals have unit length");
+    // Rotated by 90 degrees about z, and scaled by 2.
+    let corners = fixed.mesh.corners(228);
     assert!(
         (corners[1] - Vec3::new(10.0, 2.0, 0.0)).length() < 1e-6,
         "{corners:?}"
     );
     assert_eq!(car.surface.uvs, [[[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]]);
-    assert_eq!(car.mesh.corners(0)[1], Vec3::X, "before the block moves it");
+    assert_eq!(
+        car.mesh.corners(0)[1],
+        Vec3::X,
+        "the mesh is in the coordinates of its block"
+    );
 
     let nodes = scene.placed_nodes(1.5);
     let at = SceneDescription::placed_part(car, &nodes).transform_point3(Vec3::X);
     assert!((at - Vec3::new(10.0, 5.0, 0.0)).length() < 1e-5, "{at}");
     let seen = [1.5, 2.5, 3.5].map(|time| scene.is_visible(&scene.parts[2], time));
-    assert_eq!(seen, [true, false, true], "the wheel goes with the car");
-    let positions = morphing
-        .deformed(2.0, &nodes)
-        .expect("it changes its shape");
-    assert_eq!(positions[0], [1.0, 0.0, 0.0], "half way");
+    assert_eq!(
+        seen,
+        [true, false, true],
+        "the wheel is visible when the car is"
+    );
+    let positions = morphing.deformed(2.0, &nodes).expect("a morphing part");
+    assert_eq!(positions[0], [1.0, 0.0, 0.0], "halfway between two keys");
     assert_eq!(
         scene.mesh_at(1.5).expect("finite").len(),
-        still.mesh.len() + 3
+        fixed.mesh.len() + 3
     );
 
-    let span = scene.span.expect("it has one");
+    let span = scene.span.expect("present");
     assert_eq!(
         [0, 1, 4, 9].map(|frame| span.time_of(frame)),
         [0.0, 1.0, 4.0, 4.0]
     );
-    let camera = scene.camera_at(9.0).expect("it has one");
+    let camera = scene.camera_at(9.0).expect("present");
     assert_eq!(
         (camera.eye, camera.fov_degrees),
         (Vec3::new(9.0, 0.0, 0.0), 40.0)
@@ -158,7 +172,7 @@ fn every_command_is_read() {
 }
 
 #[test]
-fn spheres_and_cones_face_where_they_should() {
+fn spheres_and_cones_have_the_expected_orientation() {
     for (text, outwards) in [
         ("s 1 2 3 2", 1.0),
         ("s 1 2 3 -2", -1.0),
@@ -168,7 +182,7 @@ fn spheres_and_cones_face_where_they_should() {
     ] {
         let scene = read_one(text).expect(text);
         let part = &scene.parts[0];
-        for triangle in 0..u32::try_from(part.mesh.len()).expect("few") {
+        for triangle in 0..u32::try_from(part.mesh.len()).expect("fits in 32 bits") {
             let corners = part.mesh.corners(triangle);
             let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
             let mut from_axis = middle - Vec3::new(1.0, 2.0, 3.0);
@@ -181,7 +195,7 @@ fn spheres_and_cones_face_where_they_should() {
                 "{text}: {corners:?}"
             );
             let smooth = part.surface.normals[triangle as usize];
-            // A mirrored block turns triangles, and not what is inside of a sphere.
+            // A reflection reverses triangles, but not the side that the normals define as outside.
             let side = if text.starts_with('x') { -1.0 } else { 1.0 };
             for at_corner in smooth {
                 assert!(
@@ -198,37 +212,37 @@ fn spheres_and_cones_face_where_they_should() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_file_and_line() {
+fn errors_name_file_and_line() {
     let triangle = "m vertices 3 0 0 0 1 0 0 0 1 0\n";
     for (text, expected) in [
-        ("\nq 1", "scene.aff: line 2: `q` is not a command of AFF"),
+        ("\nq 1", "scene.aff: line 2: unknown command `q`"),
         (
             "s 0 0 zero 1",
             "scene.aff: line 1: the centre of a sphere: `zero` is not a number",
         ),
         (
             "s 0 0 0",
-            "scene.aff: line 1: the file ends where the radius of a sphere should be",
+            "scene.aff: line 1: expected the radius of a sphere, found the end of the file",
         ),
         (
             "c 1 1 1 1 1 1 1 2",
-            "scene.aff: line 1: both ends of a cone are at the same place",
+            "scene.aff: line 1: the two ends of a cone coincide",
         ),
         (
             "p 2 0 0 0 1 1 1",
-            "scene.aff: line 1: a polygon of 2 corners, at least 3 are needed",
+            "scene.aff: line 1: a polygon has 2 corners, at least 3 are needed",
         ),
         (
             "p 3 0 0 0 1e300 0 0 0 1 0",
-            "scene.aff: line 1: a vertex is too far away, or one too many",
+            "scene.aff: line 1: a vertex is not finite in f32, or the part has more than 2^32 vertices",
         ),
         (
             "m vertices 1 0 0 0 faces",
-            "scene.aff: line 1: `faces` where `triangles` should be",
+            "scene.aff: line 1: expected `triangles`, found `faces`",
         ),
         (
             "m vertices -1",
-            "scene.aff: line 1: how often a vertex comes: `-1` is not a count",
+            "scene.aff: line 1: the number of vertices: `-1` is not a count",
         ),
         (
             &format!("{triangle}triangles 1\n0 1 3"),
@@ -236,46 +250,49 @@ fn what_is_wrong_is_told_with_file_and_line() {
         ),
         (
             "m vertices 99999999999 0 0 0",
-            "scene.aff: line 1: the file ends where a vertex should be",
+            "scene.aff: line 1: expected a vertex, found the end of the file",
         ),
-        ("tpa 0", "scene.aff: line 1: a triangle without keys"),
+        (
+            "tpa 0",
+            "scene.aff: line 1: a morphing triangle needs at least 1 key",
+        ),
         (
             "i 0 none.aff",
             "scene.aff: line 1: cannot include `none.aff`: entity not found",
         ),
         (
             "i 0 scene.aff",
-            "scene.aff: line 1: `scene.aff` is included while it is being read",
+            "scene.aff: line 1: `scene.aff` includes itself, directly or through other files",
         ),
         (
             "i 0 loop.aff",
-            "loop.aff: line 1: `scene.aff` is included while it is being read",
+            "loop.aff: line 1: `scene.aff` includes itself, directly or through other files",
         ),
         (
             "xs 1 1 1 0 0 0 0 0 0 0",
-            "scene.aff: line 1: the file ends where `{` should be",
+            "scene.aff: line 1: expected `{`, found the end of the file",
         ),
         (
             "x a {",
-            "scene.aff: line 1: the file ends within a block, `}` is missing",
+            "scene.aff: line 1: the file ends in a block, `}` is missing",
         ),
-        (
-            "x a { } }",
-            "scene.aff: line 1: `}` is not a command of AFF",
-        ),
+        ("x a { } }", "scene.aff: line 1: unknown command `}`"),
         (
             "k a { transl 1 0 0 0 0 0 0 0 }",
             "scene.aff: line 1: `transl` has 1 keys, at least 4 are needed",
         ),
         ("k a { turn", "scene.aff: line 1: `turn` is not a track"),
-        ("a 0 1 0", "scene.aff: line 1: 0 frames from 0 to 1"),
+        (
+            "a 0 1 0",
+            "scene.aff: line 1: an animation of 0 frames from 0 to 1 s; at least 1 frame is needed, and an end that is not before the start",
+        ),
         (
             "v from 0 0 0 at 0 0 1 up 0 1 0 angle 180 hither 1 resolution 1 1",
-            "scene.aff: line 1: an angle of view of 180 degrees",
+            "scene.aff: line 1: the angle of view is 180 degrees, it must be between 0 and 180",
         ),
         (
             "v from 0 0 0 at 0 0 1 up 0 1 0 angle 90 hither 1 resolution 0 1",
-            "scene.aff: line 1: a picture without pixels, or with too many",
+            "scene.aff: line 1: the width and height of the picture must be from 1 to 4294967295",
         ),
     ] {
         let files = [("scene.aff", text), ("loop.aff", "i 0 scene.aff")];
@@ -289,12 +306,12 @@ fn what_is_wrong_is_told_with_file_and_line() {
     let error = error.expect_err("too deep").to_string();
     assert_eq!(
         error,
-        "deep.aff: line 1: more than 100 blocks and files within each other"
+        "deep.aff: line 1: blocks and files are nested more than 100 deep"
     );
 }
 
 #[test]
-fn files_cannot_include_others_for_ever() {
+fn the_number_of_includes_is_bounded() {
     let names: Vec<String> = (0..40).map(|i| format!("{i}.aff")).collect();
     let texts: Vec<String> = (1..41)
         .map(|i| format!("i 0 {i}.aff i 0 {i}.aff"))
@@ -307,15 +324,13 @@ fn files_cannot_include_others_for_ever() {
     files.push(("40.aff", ""));
     let error = read(&files, &AffOptions::default()).expect_err("2^40 files");
     assert!(
-        error
-            .to_string()
-            .ends_with("more than 65536 files are included"),
+        error.to_string().ends_with("more than 65536 includes"),
         "{error}"
     );
 }
 
 #[test]
-fn what_is_not_known_may_be_left_out() {
+fn lenient_reading_skips_unknown_commands() {
     let options = AffOptions {
         lenient: true,
         ..AffOptions::default()
@@ -324,12 +339,12 @@ fn what_is_not_known_may_be_left_out() {
     assert_eq!(scene.parts[0].mesh.len(), 192);
     assert_eq!(
         scene.warnings,
-        ["scene.aff: line 1: `g` is not known: left out"]
+        ["scene.aff: line 1: skipped unknown command `g`"]
     );
 }
 
 #[test]
-fn detail_and_limits_are_as_asked_for() {
+fn detail_resolution_and_limits_are_obeyed() {
     let files = [
         ("scene.aff", "i 0 one.aff i 2 one.aff d 2 i 2 one.aff"),
         ("one.aff", "s 0 0 0 1"),
@@ -346,17 +361,20 @@ fn detail_and_limits_are_as_asked_for() {
     assert_eq!(
         triangles(&detailed).expect("valid"),
         36,
-        "and the last is within what the file says"
+        "`d 2` in the file allows the last include"
     );
     let few = AffOptions {
-        most_triangles: 200,
+        max_triangles: 200,
         ..usual
     };
     let error = triangles(&few).expect_err("too many").to_string();
-    assert_eq!(error, "one.aff: line 1: more than 200 triangles");
+    assert_eq!(
+        error,
+        "one.aff: line 1: more than 200 triangles, the maximum"
+    );
 }
 
-/// The folder of a scene of BART, if there is one.
+/// The folder of a BART scene, if `KD_SCENES` is set.
 fn bart(name: &str) -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("KD_SCENES") else {
         eprintln!("skipped: KD_SCENES names no folder with {name}");
@@ -365,9 +383,9 @@ fn bart(name: &str) -> Option<PathBuf> {
     Some(Path::new(&folder).join(name))
 }
 
-/// Frames, made from the key frames, against frames that are known.
+/// Compares frames made from the key frames with known frames.
 #[test]
-fn bart_scenes_are_as_they_are_known_to_be() {
+fn bart_scenes_match_known_frames() {
     for (name, entry, frames, parts) in [
         ("bart_kitchen", "kitchen.aff", [0, 400, 799], 6),
         ("bart_museum5", "museum5.aff", [0, 150, 299], 2),
@@ -379,13 +397,13 @@ fn bart_scenes_are_as_they_are_known_to_be() {
         };
         let scene = load_aff(folder.join("aff").join(entry), &options).expect("valid");
         assert_eq!(scene.parts.len(), parts, "{name}");
-        let span = scene.span.expect("it moves");
+        let span = scene.span.expect("an animation");
         for frame in frames {
             let known = load_mesh(folder.join(format!("frame_{frame:04}.ply"))).expect("valid");
             let ours = scene.mesh_at(span.time_of(frame)).expect("finite");
             let tolerance = 1e-4 * known.bounds().diagonal();
             let corners = |mesh: &kd_core::Mesh, i: u32| mesh.corners(i).map(|p| p.to_array());
-            // Which triangles are there, whatever their order: by their corners, on a grid.
+            // Triangles are compared without regard to order: a grid maps first corners to triangles.
             let mut cells: HashMap<[i64; 3], Vec<[Vec3; 3]>> = HashMap::new();
             let cell = |p: Vec3, by: i64| {
                 (p / (4.0 * tolerance))
@@ -394,14 +412,14 @@ fn bart_scenes_are_as_they_are_known_to_be() {
                     .to_array()
                     .map(|x| x + by)
             };
-            for i in 0..u32::try_from(ours.len()).expect("few") {
+            for i in 0..u32::try_from(ours.len()).expect("fits in 32 bits") {
                 cells
                     .entry(cell(ours.corners(i)[0], 0))
                     .or_default()
                     .push(ours.corners(i));
             }
             let mut missing = 0;
-            for i in 0..u32::try_from(known.len()).expect("few") {
+            for i in 0..u32::try_from(known.len()).expect("fits in 32 bits") {
                 let wanted = known.corners(i);
                 let is_same = |found: &[Vec3; 3]| {
                     found
@@ -421,7 +439,7 @@ fn bart_scenes_are_as_they_are_known_to_be() {
                 }
             }
             assert_eq!(missing, 0, "{name}, frame {frame}: of {}", known.len());
-            // Ours has cones beside.
+            // The known frames lack the cones.
             let cones = if name == "bart_museum5" { 8 * 8 } else { 0 };
             assert_eq!(ours.len(), known.len() + cones, "{name}, frame {frame}");
         }
@@ -431,17 +449,17 @@ fn bart_scenes_are_as_they_are_known_to_be() {
 
 #[track_caller]
 fn check_cameras(folder: &Path, scene: &SceneDescription, name: &str) {
-    let bytes = std::fs::read(folder.join("camera.f32")).expect("there");
+    let bytes = std::fs::read(folder.join("camera.f32")).expect("camera.f32");
     let numbers: Vec<f32> = bytes
         .as_chunks::<4>()
         .0
         .iter()
         .map(|b| f32::from_le_bytes(*b))
         .collect();
-    let span = scene.span.expect("it moves");
+    let span = scene.span.expect("an animation");
     assert_eq!(numbers.len(), 9 * span.frames, "{name}");
     for (frame, known) in numbers.as_chunks::<9>().0.iter().enumerate() {
-        let camera = scene.camera_at(span.time_of(frame)).expect("it has one");
+        let camera = scene.camera_at(span.time_of(frame)).expect("present");
         let forward = (camera.target - camera.eye).normalize();
         let ours = [camera.eye, forward, camera.up.normalize()];
         for (i, ours) in ours.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Cameras that look at a box, and the rays they give.
+//! Cameras for a bounding box, and their ray directions.
 
 use glam::Vec3;
 use kd_core::Aabb;
@@ -19,7 +19,7 @@ fn corners(bounds: Aabb) -> [Vec3; 8] {
 }
 
 #[test]
-fn the_whole_box_about_fills_the_image() {
+fn the_box_nearly_fills_the_image() {
     let rows = [
         boxed([-1.0; 3], [1.0; 3]),
         boxed([0.0; 3], [100.0, 1.0, 1.0]),
@@ -64,7 +64,7 @@ fn the_whole_box_about_fills_the_image() {
 }
 
 #[test]
-fn boxes_without_extent_still_give_a_camera() {
+fn boxes_without_extent_give_a_camera() {
     let nan = boxed([f32::NAN; 3], [1.0; 3]);
     for bounds in [
         Aabb::EMPTY,
@@ -116,7 +116,7 @@ fn x_goes_right_and_y_goes_down() {
 }
 
 #[test]
-fn degenerate_cameras_still_have_a_view() {
+fn degenerate_cameras_have_a_view() {
     let at = |target: Vec3, up: Vec3| Camera {
         eye: Vec3::ONE,
         target,

@@ -1,4 +1,4 @@
-//! glTF files: nodes that move, skins, materials, and what may be wrong with them.
+//! The glTF reader: animated nodes, skins, materials, and errors.
 
 use std::io;
 use std::path::Path;
@@ -9,7 +9,7 @@ use glam::Vec3;
 use kd_scene::{ColorSpace, LoadError, SceneDescription, Surface, TextureSource, read_gltf};
 use serde_json::{Value, json};
 
-/// A file in the making: its buffer, and what lies where in it.
+/// A file under construction: its buffer, buffer views and accessors.
 #[derive(Default)]
 struct File {
     bytes: Vec<u8>,
@@ -44,13 +44,13 @@ impl File {
         self.accessors.len() - 1
     }
 
-    /// Numbers, so many to each value.
+    /// Adds an accessor of `f32` values, `width` numbers each.
     fn floats(&mut self, kind: &str, width: usize, numbers: &[f32]) -> usize {
         let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         let of = |pick: fn(f32, f32) -> f32| -> Vec<f32> {
             let values = (0..width).map(|i| numbers.iter().skip(i).step_by(width).copied());
             values
-                .map(|values| values.reduce(pick).expect("some"))
+                .map(|values| values.reduce(pick).expect("at least one"))
                 .collect()
         };
         let bounds = Some([of(f32::min), of(f32::max)]);
@@ -62,7 +62,7 @@ impl File {
         self.add(&bytes, 5123, "SCALAR", indices.len(), None)
     }
 
-    /// The whole of it, with what is told beside.
+    /// The complete file: `rest` with the buffer, buffer views and accessors.
     fn finish(self, mut rest: Value) -> Value {
         let uri = format!(
             "data:application/octet-stream;base64,{}",
@@ -90,7 +90,7 @@ fn read_bytes(bytes: Vec<u8>) -> Result<SceneDescription, LoadError> {
 
 const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// A square that stands still, with a texture, and a triangle on an arm that turns.
+/// A static square with a texture, and a triangle on a rotating arm.
 fn moving() -> Value {
     let mut file = File::default();
     let square = file.floats(
@@ -132,7 +132,7 @@ fn moving() -> Value {
 }
 
 #[test]
-fn what_stands_still_is_one_part_and_what_moves_another() {
+fn static_and_animated_triangles_are_separate_parts() {
     let scene = read(&moving()).expect("valid");
     assert_eq!(scene.colors, ColorSpace::Linear);
     let names: Vec<_> = scene
@@ -141,25 +141,25 @@ fn what_stands_still_is_one_part_and_what_moves_another() {
         .map(|part| (part.name.as_str(), part.mesh.len()))
         .collect();
     assert_eq!(names, [("", 2), ("arm", 1)]);
-    let [still, arm] = scene.parts.as_slice() else {
-        unreachable!("two, as above");
+    let [fixed, arm] = scene.parts.as_slice() else {
+        unreachable!("the two parts above");
     };
     assert_eq!(
-        still.mesh.corners(1)[1],
+        fixed.mesh.corners(1)[1],
         Vec3::new(2.0, 2.0, -1.0),
-        "moved by its node"
+        "transformed by its node"
     );
-    assert_eq!(still.surface.textures, [0, 0]);
-    assert_eq!(still.surface.uvs[1], [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+    assert_eq!(fixed.surface.textures, [0, 0]);
+    assert_eq!(fixed.surface.uvs[1], [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
     assert_eq!(arm.surface.normals, [[Vec3::Z; 3]]);
     assert_eq!(
         scene.textures[0].source,
         TextureSource::File("a/wood .png".into())
     );
     assert_eq!(scene.materials[0].diffuse, Vec3::new(0.5, 0.25, 1.0));
-    let span = scene.span.expect("it moves");
+    let span = scene.span.expect("an animation");
     assert_eq!((span.end, span.frames), (2.0, 51));
-    // A quarter turn about the arm's own end.
+    // A rotation by 90 degrees about the end of the arm.
     for (time, expected) in [
         (0.0, Vec3::new(7.0, 0.0, 0.0)),
         (2.0, Vec3::new(5.0, 2.0, 0.0)),
@@ -169,7 +169,7 @@ fn what_stands_still_is_one_part_and_what_moves_another() {
         let corner = to.transform_point3(arm.mesh.corners(0)[1]);
         assert!(corner.distance(expected) < 1e-5, "{time}: {corner}");
     }
-    let camera = scene.camera_at(2.0).expect("it has one");
+    let camera = scene.camera_at(2.0).expect("a camera");
     assert!(
         camera.eye.distance(Vec3::new(5.0, 0.0, 7.0)) < 1e-5,
         "{camera:?}"
@@ -180,12 +180,12 @@ fn what_stands_still_is_one_part_and_what_moves_another() {
     );
     assert!(
         camera.up.distance(Vec3::NEG_X) < 1e-5,
-        "it turns with the arm: {camera:?}"
+        "the camera rotates with the arm: {camera:?}"
     );
 }
 
 #[test]
-fn skins_follow_their_bones() {
+fn skins_follow_their_joints() {
     let mut file = File::default();
     let triangle = file.floats("VEC3", 3, &TRIANGLE);
     let joints = file.add(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], 5121, "VEC4", 3, None);
@@ -212,20 +212,20 @@ fn skins_follow_their_bones() {
     }));
     let scene = read(&file).expect("valid");
     let nodes = scene.placed_nodes(0.5);
-    let positions = scene.parts[0].deformed(0.5, &nodes).expect("it has a skin");
+    let positions = scene.parts[0].deformed(0.5, &nodes).expect("a skin");
     assert_eq!(
         positions,
         [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [0.0, 1.0, 1.0]],
-        "not where its node is"
+        "the transform of the node of a skin is ignored"
     );
     assert_eq!(
-        scene.mesh_at(0.5).expect("near").corners(0)[2],
+        scene.mesh_at(0.5).expect("finite positions").corners(0)[2],
         Vec3::new(0.0, 1.0, 1.0)
     );
 }
 
 #[test]
-fn strips_and_fans_are_triangles() {
+fn strips_and_fans_become_triangles() {
     for (mode, expected) in [(5, [[0, 1, 2], [1, 3, 2]]), (6, [[0, 1, 2], [0, 2, 3]])] {
         let mut file = File::default();
         let square = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];
@@ -247,7 +247,7 @@ fn strips_and_fans_are_triangles() {
 }
 
 #[test]
-fn binary_files_are_read_as_others() {
+fn binary_and_text_files_give_the_same_scene() {
     let mut file = moving();
     let expected = read(&file).expect("text");
     let uri = file["buffers"][0]
@@ -259,9 +259,13 @@ fn binary_files_are_read_as_others() {
     let mut json = file.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let bytes = STANDARD.decode(encoded).expect("base64");
-    let word = |number: usize| u32::try_from(number).expect("short").to_le_bytes();
+    let word = |number: usize| {
+        u32::try_from(number)
+            .expect("fits in 32 bits")
+            .to_le_bytes()
+    };
     let length = word(28 + json.len() + bytes.len());
-    let parts: [&[u8]; 8] = [
+    let chunks: [&[u8]; 8] = [
         b"glTF\x02\0\0\0",
         &length,
         &word(json.len()),
@@ -271,26 +275,29 @@ fn binary_files_are_read_as_others() {
         b"BIN\0",
         &bytes,
     ];
-    let binary = parts.concat();
+    let binary = chunks.concat();
     let scene = read_bytes(binary.clone()).expect("binary");
     assert_eq!(scene.parts.len(), expected.parts.len());
     for (part, other) in scene.parts.iter().zip(&expected.parts) {
         assert_eq!(part.mesh.positions(), other.mesh.positions());
         assert_eq!(part.surface, other.surface);
     }
-    // It may end anywhere.
+    // Every truncated file is an error.
     for end in 0..binary.len() {
         assert!(read_bytes(binary[..end].to_vec()).is_err(), "{end} bytes");
     }
-    // A header that says less than there must be.
+    // The file length in the header is ignored.
     let mut short = binary;
     short[8..12].fill(0);
-    assert!(read_bytes(short).is_ok(), "its pieces tell how long it is");
+    assert!(
+        read_bytes(short).is_ok(),
+        "the lengths of the chunks suffice"
+    );
 }
 
-/// Positions, some of which are told apart from the others, which are told or zero.
+/// Sparse positions over a buffer view, or over zeros.
 #[test]
-fn sparse_values_replace_others() {
+fn sparse_accessors_replace_values() {
     let file = |base: bool, count: usize, place: u16| {
         let mut file = File::default();
         let positions = file.floats("VEC3", 3, &TRIANGLE);
@@ -318,14 +325,19 @@ fn sparse_values_replace_others() {
     };
     let first = Vec3::from_slice(&TRIANGLE);
     for (base, first) in [(true, first), (false, Vec3::ZERO)] {
-        let scene = file(base, 3, 2).expect("it is as it should be");
+        let scene = file(base, 3, 2).expect("valid");
         let corners = scene.parts[0].mesh.corners(0);
         assert_eq!(corners, [first, 5.0 * Vec3::X, 7.0 * Vec3::Y], "{base}");
     }
     for (base, count, place, problem) in [
-        (true, 3, 3, "it replaces a value that it has not"),
-        (false, 1 << 40, 2, "it is too long"),
-        (true, 4, 2, "it is not within its view"),
+        (true, 3, 3, "has a sparse index out of range"),
+        (
+            false,
+            1 << 40,
+            2,
+            "has a count that is too large for the file",
+        ),
+        (true, 4, 2, "exceeds its buffer view"),
     ] {
         let error = file(base, count, place).expect_err(problem).to_string();
         assert!(error.ends_with(problem), "{error}");
@@ -333,7 +345,7 @@ fn sparse_values_replace_others() {
 }
 
 #[test]
-fn what_is_wrong_is_told() {
+fn errors_name_the_invalid_element() {
     let mesh = |file: File, positions: usize, indices: usize| {
         file.finish(json!({
             "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
@@ -368,13 +380,13 @@ fn what_is_wrong_is_told() {
     file["buffers"][0]["byteLength"] = json!(100_000);
     let error = read(&file).expect_err("too short").to_string();
     assert!(
-        error.starts_with("a/scene.gltf: ends at byte of a buffer "),
+        error.starts_with("a/scene.gltf: ends at buffer byte "),
         "{error}"
     );
 
     let mut file = moving();
     file["buffers"][0]["uri"] = json!("none.bin");
-    let error = read(&file).expect_err("not there").to_string();
+    let error = read(&file).expect_err("a missing file").to_string();
     assert_eq!(
         error,
         "a/scene.gltf: buffer 0: `none.bin`: entity not found"
@@ -394,25 +406,27 @@ fn what_is_wrong_is_told() {
         b"",
         b"{\"asset\": {\"version\": \"2.0\"}, \"scenes\": [{\"nodes\": [5]}]}",
     ] {
-        let error = read_bytes(bytes.to_vec()).expect_err("no glTF").to_string();
+        let error = read_bytes(bytes.to_vec())
+            .expect_err("not glTF")
+            .to_string();
         assert!(error.starts_with("a/scene.gltf: header: "), "{error}");
     }
-    // A file may be cut anywhere.
+    // A truncated text file must not panic.
     let whole = moving().to_string();
     for end in (0..whole.len()).step_by(97) {
         let _ = read_bytes(whole.as_bytes()[..end].to_vec());
     }
 }
 
-/// Digits and other bytes changed here and there: whatever it is then, it is no panic.
+/// Random changes of digits and other bytes must not panic.
 #[test]
-fn files_may_be_broken_anywhere() {
+fn damaged_files_do_not_panic() {
     let whole = moving().to_string().into_bytes();
     let digits: Vec<usize> = (0..whole.len())
         .filter(|i| whole[*i].is_ascii_digit())
         .collect();
     let mut rng = fastrand::Rng::with_seed(3);
-    let mut read_all = 0;
+    let mut valid = 0;
     for _ in 0..5000 {
         let mut bytes = whole.clone();
         for _ in 0..rng.usize(1..4) {
@@ -430,8 +444,8 @@ fn files_may_be_broken_anywhere() {
         if let Ok(scene) = read_bytes(bytes) {
             let _ = scene.mesh_at(0.5);
             let _ = scene.camera_at(0.5);
-            read_all += 1;
+            valid += 1;
         }
     }
-    assert!(read_all > 100, "{read_all} were still files");
+    assert!(valid > 100, "only {valid} of the damaged files are valid");
 }

@@ -1,4 +1,4 @@
-//! Which reader gets which file.
+//! The choice of a reader by content and extension.
 
 use std::fs;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\npr
     0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
 const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-/// A folder of this test's own, removed when done.
+/// A temporary folder, removed on drop.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -29,13 +29,13 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // A folder left behind harms nobody.
+        // A folder that cannot be removed is harmless.
         drop(fs::remove_dir_all(&self.0));
     }
 }
 
 #[test]
-fn content_decides_then_the_extension() {
+fn content_comes_before_extension() {
     let folder = Folder::new();
     for (name, content) in [
         ("a.ply", PLY),
@@ -78,7 +78,7 @@ fn content_decides_then_the_extension() {
         "{error}"
     );
     let error = load_mesh(&folder.0)
-        .expect_err("a folder is no file")
+        .expect_err("a folder is not a file")
         .to_string();
     assert!(
         error.starts_with(&folder.0.display().to_string()),

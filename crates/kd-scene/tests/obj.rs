@@ -1,4 +1,4 @@
-//! OBJ files as they come, good and bad.
+//! The OBJ reader on valid and invalid files.
 
 use kd_scene::{LoadError, read_obj};
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 #[test]
-fn good_files() {
+fn valid_files_are_read() {
     let rows: [(&str, &str, &[[u32; 3]]); 20] = [
         ("triangle", "f 1 2 3", &[[0, 1, 2]]),
         ("a quad is a fan", "f 1 2 3 4", &[[0, 1, 2], [0, 2, 3]]),
@@ -69,9 +69,9 @@ fn good_files() {
 }
 
 #[test]
-fn vertices_keep_their_positions() {
+fn vertices_have_the_positions_of_the_file() {
     let text = "f 3 2 1\nv 0 0 0\nv 1e0 -.5 2.\nv 4 2 8 2\nv 7 7 7\n";
-    let mesh = read_obj(text.as_bytes(), "row.obj").expect("faces may stand first");
+    let mesh = read_obj(text.as_bytes(), "row.obj").expect("faces may precede vertices");
     assert_eq!(
         mesh.positions(),
         [[2.0, 1.0, 4.0], [1.0, -0.5, 2.0], [0.0; 3]]
@@ -83,7 +83,7 @@ fn vertices_keep_their_positions() {
     );
 }
 
-/// Text after four good vertices on lines 1 to 4, and what is said about it.
+/// Text after four valid vertices on lines 1 to 4, and the expected error.
 const BAD: [(&str, &str); 22] = [
     (
         "f 1 2 9",
@@ -158,7 +158,7 @@ const BAD: [(&str, &str); 22] = [
 ];
 
 #[test]
-fn bad_files_are_refused_with_their_line() {
+fn invalid_files_are_errors_with_their_line() {
     for (text, expected) in BAD {
         let read = read_obj(format!("{CORNERS}{text}").as_bytes(), "x.obj");
         let error = read.err().unwrap_or_else(|| panic!("{text:?} was read"));
@@ -180,7 +180,7 @@ fn bad_files_are_refused_with_their_line() {
     let latin = b"# caf\xe9\no caf\xe9\nv 0 0 0\nf 1 1 1".as_slice();
     assert_eq!(
         read_obj(latin, "latin.obj")
-            .expect("names do not matter")
+            .expect("names may be invalid UTF-8")
             .len(),
         1
     );
@@ -190,13 +190,13 @@ fn bad_files_are_refused_with_their_line() {
 fn error_texts_stay_short() {
     let text = format!("v 1 2 {}", "x".repeat(10_000));
     let error = read_obj(text.as_bytes(), "x.obj")
-        .expect_err("no number")
+        .expect_err("not a number")
         .to_string();
     assert!(error.len() < 120, "{error}");
 }
 
-/// Pieces that make mostly valid lines in invalid combinations.
-const PIECES: [&str; 24] = [
+/// Fragments that combine to mostly valid lines in invalid combinations.
+const FRAGMENTS: [&str; 24] = [
     "v ",
     "f ",
     "l ",
@@ -225,12 +225,12 @@ const PIECES: [&str; 24] = [
 
 proptest! {
     #[test]
-    fn anything_is_a_mesh_or_an_error(
-        pieces in proptest::collection::vec(0..PIECES.len(), 0..60),
+    fn every_input_is_a_mesh_or_an_error(
+        fragments in proptest::collection::vec(0..FRAGMENTS.len(), 0..60),
         junk in proptest::collection::vec(any::<u8>(), 0..20),
     ) {
         let mut bytes: Vec<u8> = CORNERS.into();
-        bytes.extend(pieces.into_iter().flat_map(|piece| PIECES[piece].bytes()));
+        bytes.extend(fragments.into_iter().flat_map(|fragment| FRAGMENTS[fragment].bytes()));
         bytes.extend(junk);
         if let Ok(mesh) = read_obj(bytes.as_slice(), "any.obj") {
             prop_assert!(mesh.positions().iter().flatten().all(|number| number.is_finite()));
@@ -238,7 +238,7 @@ proptest! {
     }
 
     #[test]
-    fn written_meshes_come_back(
+    fn written_meshes_read_back_unchanged(
         positions in proptest::collection::vec(any::<[i16; 3]>(), 3..30),
         faces in proptest::collection::vec(any::<[u8; 3]>(), 1..30),
     ) {

@@ -1,4 +1,4 @@
-//! OBJ files as scenes: what their triangles look like.
+//! OBJ files as scenes: normals, texture coordinates and materials.
 
 use std::collections::HashMap;
 use std::io;
@@ -60,7 +60,7 @@ fn read(object: &str, materials: &str) -> Result<SceneDescription, LoadError> {
 }
 
 #[test]
-fn triangles_have_their_looks() {
+fn triangles_have_their_materials_normals_and_uvs() {
     let scene = read(OBJECT, MATERIALS).expect("valid");
     let [part] = scene.parts.as_slice() else {
         panic!("{:?}", scene.parts);
@@ -75,7 +75,11 @@ fn triangles_have_their_looks() {
     assert_eq!(*materials, [0, 1, 1, 3, 3, 2, 0], "in file order");
     let none = Surface::NO_TEXTURE;
     assert_eq!(*textures, [none, none, none, 0, none, none, none]);
-    assert_eq!(uvs[3], [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], "from above");
+    assert_eq!(
+        uvs[3],
+        [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]],
+        "v runs from the top"
+    );
     let up = [Vec3::new(0.0, 0.0, 2.0); 3];
     let flat = [Vec3::ZERO; 3];
     assert_eq!(*normals, [flat, up, up, flat, flat, up, flat]);
@@ -92,15 +96,15 @@ fn triangles_have_their_looks() {
         (glass.mirror.x, glass.transmittance, glass.refraction),
         (0.8, 0.75, 1.5)
     );
-    assert_eq!(wood.diffuse, Vec3::ONE, "the texture alone");
+    assert_eq!(wood.diffuse, Vec3::ONE, "white under a texture");
     assert_eq!(
         scene.warnings,
-        ["a/scene.obj: no material `nothing`; light grey is used"]
+        ["a/scene.obj: unknown material `nothing`; using light grey"]
     );
 }
 
 #[test]
-fn what_is_missing_is_a_warning() {
+fn missing_material_files_are_warnings() {
     for (object, materials, expected) in [
         (
             "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
@@ -124,7 +128,7 @@ fn what_is_missing_is_a_warning() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_line() {
+fn errors_name_their_line() {
     let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
     for (rest, expected) in [
         (
@@ -137,7 +141,7 @@ fn what_is_wrong_is_told_with_its_line() {
         ),
         (
             "f 1/x 2 3",
-            "a/scene.obj: line 5: bad face: `x` is no index",
+            "a/scene.obj: line 5: bad face: `x` is not an index",
         ),
         ("vn 1 2", "a/scene.obj: line 5: bad numbers: `vn 1 2`"),
         ("vt nan 0", "a/scene.obj: line 5: bad numbers: `vt nan 0`"),

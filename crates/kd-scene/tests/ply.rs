@@ -1,4 +1,4 @@
-//! PLY files as they come, good and bad.
+//! The PLY reader on valid and invalid files.
 
 use kd_core::Mesh;
 use kd_scene::{LoadError, read_ply};
@@ -25,7 +25,7 @@ fn read(bytes: impl AsRef<[u8]>) -> Mesh {
 }
 
 #[test]
-fn good_text_files() {
+fn valid_text_files_are_read() {
     let plain = ascii();
     let rows = [
         ("plain", plain.clone()),
@@ -57,7 +57,7 @@ fn good_text_files() {
         ("blank lines", plain.replace("0 1 0\n", "0 1 0\n\n  \n")),
         ("no final line end", plain.trim_end().to_owned()),
         (
-            "numbers as people write them",
+            "unusual spellings of numbers",
             plain.replace("1 1 0\n", "1. +1e0 -.0\n"),
         ),
     ];
@@ -70,7 +70,7 @@ fn good_text_files() {
 }
 
 #[test]
-fn what_is_not_geometry_is_skipped() {
+fn other_elements_and_properties_are_skipped() {
     let text = "ply\nformat ascii 1.0\nelement camera 2\nproperty list uchar float lens\n\
         property double x\nelement face 1\nproperty list char short texture\n\
         property list uchar int vertex_indices\nproperty uchar red\nelement nothing 4000000000\n\
@@ -95,7 +95,7 @@ fn what_is_not_geometry_is_skipped() {
     assert!(read(header("binary_big_endian", 0, 0)).is_empty());
 }
 
-/// What is wrong, the text, and what is said about it.
+/// The fault, the text, and the expected error.
 fn bad_texts() -> Vec<(&'static str, String, &'static str)> {
     let good = ascii();
     let with = |from: &str, to: &str| good.replacen(from, to, 1);
@@ -143,12 +143,12 @@ fn bad_texts() -> Vec<(&'static str, String, &'static str)> {
         (
             "no y",
             with("float y", "float why"),
-            "x.ply: header: `vertex` has no number `y`",
+            "x.ply: header: `vertex` has no scalar property `y`",
         ),
         (
             "list y",
             with("float y", "list uchar float y"),
-            "x.ply: header: `vertex` has no number `y`",
+            "x.ply: header: `vertex` has no scalar property `y`",
         ),
         (
             "no list",
@@ -274,7 +274,7 @@ fn bad_texts() -> Vec<(&'static str, String, &'static str)> {
 }
 
 #[test]
-fn bad_texts_are_refused_with_their_line() {
+fn invalid_text_files_are_errors_with_their_line() {
     for (what, text, expected) in bad_texts() {
         let read = read_ply(text.as_bytes(), "x.ply");
         let error = read.err().unwrap_or_else(|| panic!("{what}: was read"));
@@ -282,7 +282,7 @@ fn bad_texts_are_refused_with_their_line() {
     }
 }
 
-/// Vertices of `f32`, faces of `i32` corners counted in a byte.
+/// A binary file: vertices of `f32`, faces as lists of `i32` with a `u8` count.
 fn binary(big: bool, positions: &[[f32; 3]], faces: &[Vec<i32>]) -> Vec<u8> {
     let order = if big {
         "binary_big_endian"
@@ -325,7 +325,7 @@ fn text_and_both_byte_orders_agree() {
         let mut bytes = binary(big, &corners(), &faces());
         assert_eq!(read(&bytes), text, "big endian: {big}");
         bytes.push(b'\n');
-        assert_eq!(read(&bytes), text, "a line end after the data does no harm");
+        assert_eq!(read(&bytes), text, "a line end after the data is ignored");
     }
     let crlf = header("binary_little_endian", 4, 2).replace('\n', "\r\n");
     let little = binary(false, &corners(), &faces());
@@ -363,7 +363,7 @@ fn binary_numbers_of_every_type() {
 }
 
 #[test]
-fn bad_binary_files_are_refused_with_their_element() {
+fn invalid_binary_files_are_errors_with_their_element() {
     let nan = [corners(), vec![[0.0, f32::NAN, 0.0]]].concat();
     let lying = |vertices, faces| {
         let mut bytes = header("binary_little_endian", vertices, faces).into_bytes();
@@ -439,9 +439,9 @@ fn bad_binary_files_are_refused_with_their_element() {
     );
 }
 
-/// A list that claims four billion entries, and an element without properties that claims as many.
+/// A list that declares 2^32 - 1 entries, and an element without properties that declares 2^64 - 1 rows.
 #[test]
-fn claims_cost_nothing() {
+fn declared_counts_allocate_nothing() {
     let mut list = b"ply\nformat binary_little_endian 1.0\nelement face 1\n\
         property list uint int vertex_indices\nend_header\n"
         .to_vec();
@@ -454,7 +454,7 @@ fn claims_cost_nothing() {
 }
 
 #[test]
-fn every_cut_of_a_good_file_is_an_error() {
+fn every_truncated_file_is_an_error() {
     for big in [false, true] {
         let good = binary(big, &corners(), &faces());
         for end in 0..good.len() {
@@ -469,7 +469,7 @@ fn every_cut_of_a_good_file_is_an_error() {
 
 proptest! {
     #[test]
-    fn random_data_after_a_header(
+    fn random_data_after_a_header_does_not_panic(
         format in 0..3_usize,
         vertices in 0..9_u64,
         faces in 0..9_u64,
@@ -483,7 +483,7 @@ proptest! {
     }
 
     #[test]
-    fn random_words_after_a_text_header(
+    fn random_words_after_a_text_header_do_not_panic(
         words in proptest::collection::vec("[0-4]|-1|nan|1e39|[0-9]{1,12}|\n|\n|\n|x", 0..60),
     ) {
         let text = header("ascii", 2, 2) + &words.join(" ");
@@ -493,7 +493,7 @@ proptest! {
     }
 
     #[test]
-    fn damaged_files(place in 0..1000_usize, byte in any::<u8>(), big in any::<bool>()) {
+    fn damaged_files_do_not_panic(place in 0..1000_usize, byte in any::<u8>(), big in any::<bool>()) {
         let mut bytes = binary(big, &corners(), &faces());
         let place = place % bytes.len();
         bytes[place] = byte;
@@ -503,14 +503,14 @@ proptest! {
     }
 
     #[test]
-    fn written_meshes_come_back(
+    fn written_meshes_read_back_unchanged(
         positions in proptest::collection::vec(any::<[i16; 3]>(), 1..30),
         faces in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 3..6), 0..30),
         big in any::<bool>(),
     ) {
         let positions: Vec<_> =
             positions.iter().map(|it| it.map(|number| f32::from(number) / 7.0)).collect();
-        let corner = |index: &u8| i32::from(*index) % i32::try_from(positions.len()).expect("few");
+        let corner = |index: &u8| i32::from(*index) % i32::try_from(positions.len()).expect("fits in 32 bits");
         let faces: Vec<Vec<i32>> =
             faces.iter().map(|face| face.iter().map(corner).collect()).collect();
         let mesh = read(binary(big, &positions, &faces));

@@ -16,7 +16,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-bvh", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-select", &["kd-grid", "kd-trace"]),
-    ("kd-render", &["kd", "kd-scene"]),
+    ("kd-render", &["kd", "kd-scene", "kd-trace"]),
     ("kd-cli", &["kd", "kd-render", "kd-scene"]),
     (
         "kd",

@@ -1,33 +1,33 @@
-//! Key sets.
+//! Key sets: the animation of nodes, lights and the camera.
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::Reader;
-use super::words::Words;
+use super::tokens::Tokens;
 use crate::LoadError;
 use crate::error::quoted;
 use crate::keys::{Curve, Key, Keys, Quaternion, Track};
 
 impl Reader<'_> {
-    /// `k`: the tracks of everything that has this name. A later one of the same name takes the place of an earlier one.
-    pub(super) fn key_set(&mut self, words: &mut Words<'_>) -> Result<(), LoadError> {
-        let name = words.text("the name of a key set")?;
-        words.expect("{")?;
+    /// `k`: the tracks of all objects of a name. A later key set replaces an earlier one of the same name.
+    pub(super) fn key_set(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
+        let name = tokens.text("the name of a key set")?;
+        tokens.expect("{")?;
         let mut keys = Keys::default();
         loop {
-            match words.word("a track or `}`")? {
+            match tokens.token("a track or `}`")? {
                 b"}" => break,
                 b"transl" => {
-                    keys.translation = Some(Curve::Spline(track(words, "transl", vector)?));
+                    keys.translation = Some(Curve::Spline(track(tokens, "transl", vector)?));
                 }
-                b"scale" => keys.scale = Some(Curve::Spline(track(words, "scale", vector)?)),
-                b"rot" => keys.rotation = Some(Curve::Spline(track(words, "rot", rotation)?)),
-                b"visibility" => keys.visibility = visibility(words)?,
+                b"scale" => keys.scale = Some(Curve::Spline(track(tokens, "scale", vector)?)),
+                b"rot" => keys.rotation = Some(Curve::Spline(track(tokens, "rot", rotation)?)),
+                b"visibility" => keys.visibility = visibility(tokens)?,
                 other => {
                     let problem = format!("{} is not a track", quoted(other));
-                    return Err(words.error(problem));
+                    return Err(tokens.error(problem));
                 }
             }
         }
@@ -37,16 +37,16 @@ impl Reader<'_> {
 }
 
 fn track<T>(
-    words: &mut Words<'_>,
+    tokens: &mut Tokens<'_>,
     name: &str,
-    value: fn(&mut Words<'_>) -> Result<T, LoadError>,
+    value: fn(&mut Tokens<'_>) -> Result<T, LoadError>,
 ) -> Result<Track<T>, LoadError> {
-    let count = words.count("the number of keys")?;
+    let count = tokens.count("the number of keys")?;
     let mut keys = Vec::new();
     for _ in 0..count {
-        let time = words.number("the time of a key")?;
-        let value = value(words)?;
-        let [tension, continuity, bias] = words.numbers("tension, continuity and bias")?;
+        let time = tokens.number("the time of a key")?;
+        let value = value(tokens)?;
+        let [tension, continuity, bias] = tokens.numbers("tension, continuity and bias")?;
         keys.push(Key {
             time,
             value,
@@ -56,32 +56,32 @@ fn track<T>(
         });
     }
     Track::new(keys).ok_or_else(|| {
-        let least = Track::<T>::LEAST;
-        words.error(if count < least {
+        let least = Track::<T>::MIN_KEYS;
+        tokens.error(if count < least {
             format!("`{name}` has {count} keys, at least {least} are needed")
         } else {
-            format!("`{name}`: the times of keys descend")
+            format!("`{name}`: key times must not descend")
         })
     })
 }
 
-fn vector(words: &mut Words<'_>) -> Result<DVec3, LoadError> {
-    words.numbers("a key").map(DVec3::from_array)
+fn vector(tokens: &mut Tokens<'_>) -> Result<DVec3, LoadError> {
+    tokens.numbers("a key").map(DVec3::from_array)
 }
 
-fn rotation(words: &mut Words<'_>) -> Result<Quaternion, LoadError> {
-    let [x, y, z, degrees] = words.numbers("a rotation")?;
+fn rotation(tokens: &mut Tokens<'_>) -> Result<Quaternion, LoadError> {
+    let [x, y, z, degrees] = tokens.numbers("a rotation")?;
     Ok(Quaternion::about(DVec3::new(x, y, z), degrees))
 }
 
-fn visibility(words: &mut Words<'_>) -> Result<Vec<(f64, bool)>, LoadError> {
-    let count = words.count("the number of keys")?;
+fn visibility(tokens: &mut Tokens<'_>) -> Result<Vec<(f64, bool)>, LoadError> {
+    let count = tokens.count("the number of keys")?;
     let mut keys: Vec<(f64, bool)> = Vec::new();
     for _ in 0..count {
-        let time = words.number("the time of a key")?;
-        let is_visible = words.number("0 or 1")? != 0.0;
+        let time = tokens.number("the time of a key")?;
+        let is_visible = tokens.number("0 or 1")? != 0.0;
         if keys.last().is_some_and(|(before, _)| *before > time) {
-            return Err(words.error("`visibility`: the times of keys descend"));
+            return Err(tokens.error("`visibility`: key times must not descend"));
         }
         keys.push((time, is_visible));
     }

@@ -1,10 +1,10 @@
-//! Polygons to triangles.
+//! Triangulation of polygons.
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// The triangles of a polygon, numbers of its corners: a fan from the first where it is convex, what ear clipping finds where
-/// it is not. One that crosses itself, or has no area, is a fan.
+/// The triangles of a polygon, as indices of its corners. Convex polygons become a fan from the first corner; concave polygons
+/// are triangulated by ear clipping. Polygons that intersect themselves, or have no area, become a fan too.
 pub(super) fn triangles(corners: &[DVec3]) -> Vec<[usize; 3]> {
     let count = corners.len();
     let fan = || (2..count).map(|i| [0, i - 1, i]).collect();
@@ -25,7 +25,7 @@ pub(super) fn triangles(corners: &[DVec3]) -> Vec<[usize; 3]> {
     found.as_chunks::<3>().0.to_vec()
 }
 
-/// A vector across the polygon, whatever its shape (M. Newell).
+/// A normal of the polygon by M. Newell's method, which works for every shape.
 fn newell(corners: &[DVec3]) -> DVec3 {
     let next = corners.iter().cycle().skip(1);
     corners
@@ -40,7 +40,7 @@ fn is_convex(corners: &[DVec3], normal: DVec3) -> bool {
         let (before, after) = (at(i + 1) - at(i), at(i + 2) - at(i + 1));
         before.cross(after).dot(normal) / (before.length() * after.length()).max(f64::MIN_POSITIVE)
     });
-    // Corners on a line turn by what rounding gives.
+    // The turn at a corner on a straight line is a rounding error.
     turns.into_iter().all(|turn| turn > -1e-6)
 }
 
@@ -60,14 +60,14 @@ mod tests {
     }
 
     #[test]
-    fn convex_ones_are_fans() {
+    fn convex_polygons_become_fans() {
         let corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 2.0), (0.0, 1.0)];
         let corners = corners.map(|(x, y)| DVec3::new(x, y, 0.5 * x));
         assert_eq!(triangles(&corners), [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
     }
 
     #[test]
-    fn concave_ones_cover_their_area_once() {
+    fn concave_polygons_are_covered_exactly_once() {
         // An arrow, seen from both sides, and a comb.
         let arrow = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (3.0, 1.0)];
         let mut comb = vec![(0.0, 0.0), (9.0, 0.0)];
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_area_is_a_fan() {
+    fn polygons_without_area_become_fans() {
         let line: Vec<DVec3> = (0..5).map(|i| DVec3::splat(f64::from(i))).collect();
         assert_eq!(triangles(&line).len(), 3);
         assert_eq!(triangles(&line[..2]), Vec::<[usize; 3]>::new());

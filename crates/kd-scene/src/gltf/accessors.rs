@@ -1,7 +1,7 @@
-//! The numbers that a glTF file refers to.
+//! Reads the numbers of accessors.
 //!
-//! The crate that reads the rest has readers for them too, which rely on counts, offsets and kinds fitting together. Files need
-//! not keep to that.
+//! The readers of the `gltf` crate rely on consistent counts, offsets and types. The readers here check
+//! them, because a file may be invalid.
 
 use gltf::json::accessor::sparse::Sparse;
 use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentType};
@@ -11,7 +11,7 @@ use gltf::json::{Accessor, Index, Root};
 
 use super::buffers::Buffers;
 
-/// All accessors of a file, and their bytes.
+/// The accessors of a file, and the buffers that they refer to.
 #[derive(Clone, Copy)]
 pub(super) struct Accessors<'a> {
     pub(super) root: &'a Root,
@@ -19,65 +19,68 @@ pub(super) struct Accessors<'a> {
 }
 
 impl Accessors<'_> {
-    /// Values of `N` numbers each. Integers that are normalised, or `are_parts`, are parts of their greatest.
+    /// The values of an accessor, `N` numbers each. Integers of a normalised accessor, or if `is_normalized`, are divided by
+    /// the largest integer of their type.
     ///
     /// # Errors
     ///
-    /// What is wrong with it, as a sentence without its beginning.
+    /// The fault as a predicate, without the name of the accessor.
     pub(super) fn read<const N: usize>(
         &self,
         index: Index<Accessor>,
-        are_parts: bool,
+        is_normalized: bool,
     ) -> Result<Vec<[f64; N]>, &'static str> {
         let accessor = self
             .root
             .accessors
             .get(index.value())
-            .ok_or("it is not there")?;
-        let (Checked::Valid(kind), Checked::Valid(GenericComponentType(component))) =
+            .ok_or("does not exist")?;
+        let (Checked::Valid(format), Checked::Valid(GenericComponentType(component))) =
             (accessor.type_, accessor.component_type)
         else {
-            return Err("its kind is not known");
+            return Err("has an unknown type");
         };
-        if kind.multiplicity() != N {
-            return Err("its values are of another kind");
+        if format.multiplicity() != N {
+            return Err("has another number of components than its use needs");
         }
         let count = usize::try_from(accessor.count.0).map_err(|_| TOO_LONG)?;
-        let kind = Kind {
+        let format = NumberFormat {
             component,
-            are_parts: are_parts || accessor.normalized,
+            is_normalized: is_normalized || accessor.normalized,
         };
         let mut values = match accessor.buffer_view {
             Some(view) => {
                 let start = accessor.byte_offset.map_or(0, |offset| offset.0);
-                self.values(view, start, count, kind)?
+                self.values(view, start, count, format)?
             }
-            None if accessor.sparse.is_none() => return Err("it has no bytes"),
-            // Zeros take no bytes in the file, so a short one can ask for any number of them.
+            None if accessor.sparse.is_none() => {
+                return Err("has neither a buffer view nor sparse values");
+            }
+            // Implicit zeros take no bytes, so a short file could declare any number of them.
             None if count > self.buffers.bytes() => return Err(TOO_LONG),
             None => vec![[0.0; N]; count],
         };
         if let Some(sparse) = &accessor.sparse {
-            self.replace(&mut values, sparse, kind)?;
+            self.replace(&mut values, sparse, format)?;
         }
         Ok(values)
     }
 
-    /// Values from somewhere in a view.
+    /// `count` values of a buffer view, from byte `start` on.
     fn values<const N: usize>(
         &self,
         view: Index<View>,
         start: u64,
         count: usize,
-        kind: Kind,
+        format: NumberFormat,
     ) -> Result<Vec<[f64; N]>, &'static str> {
         let view = self.root.buffer_views.get(view.value());
-        let view = view.ok_or("its view is not there")?;
+        let view = view.ok_or("its buffer view does not exist")?;
         let bytes = self.buffers.of_view(view);
-        let bytes = bytes.ok_or("its view is not within its buffer")?;
-        let size = kind.component.size();
+        let bytes = bytes.ok_or("its buffer view exceeds the buffer")?;
+        let size = format.component.size();
         let stride = view.byte_stride.map_or(N * size, |stride| stride.0);
-        let start = usize::try_from(start).map_err(|_| "it begins too far on")?;
+        let start = usize::try_from(start).map_err(|_| "has a byte offset that is too large")?;
         let needed = match count {
             0 => 0,
             _ => stride
@@ -86,81 +89,87 @@ impl Accessors<'_> {
                 .saturating_add(start),
         };
         if stride < N * size || needed > bytes.len() {
-            return Err("it is not within its view");
+            return Err("exceeds its buffer view");
         }
         let value = |i: usize| {
             std::array::from_fn(|k| {
                 let at = start + i * stride + k * size;
-                number(&bytes[at..at + size], kind)
+                number(&bytes[at..at + size], format)
             })
         };
         Ok((0..count).map(value).collect())
     }
 
-    /// Puts other values in the place of some (glTF 2.0, §3.6.2.3).
+    /// Replaces the values of a sparse accessor (glTF 2.0, §3.6.2.3).
     fn replace<const N: usize>(
         &self,
         values: &mut [[f64; N]],
         sparse: &Sparse,
-        kind: Kind,
+        format: NumberFormat,
     ) -> Result<(), &'static str> {
         let count = usize::try_from(sparse.count.0).map_err(|_| TOO_LONG)?;
         let Checked::Valid(IndexComponentType(component)) = sparse.indices.component_type else {
-            return Err("its kind is not known");
+            return Err("has an unknown type");
         };
-        let whole = Kind {
+        let unscaled = NumberFormat {
             component,
-            are_parts: false,
+            is_normalized: false,
         };
         let Sparse {
             indices,
-            values: others,
+            values: replacements,
             ..
         } = sparse;
-        let places = self.values(indices.buffer_view, indices.byte_offset.0, count, whole)?;
-        let others = self.values(others.buffer_view, others.byte_offset.0, count, kind)?;
-        for ([place], other) in places.into_iter().zip(others) {
+        let indices_of_values =
+            self.values(indices.buffer_view, indices.byte_offset.0, count, unscaled)?;
+        let replacements = self.values(
+            replacements.buffer_view,
+            replacements.byte_offset.0,
+            count,
+            format,
+        )?;
+        for ([index], replacement) in indices_of_values.into_iter().zip(replacements) {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "it comes from at most 32 bits, without a sign"
+                reason = "an unsigned integer of at most 32 bits"
             )]
-            let value = values.get_mut(place as usize);
-            *value.ok_or("it replaces a value that it has not")? = other;
+            let value = values.get_mut(index as usize);
+            *value.ok_or("has a sparse index out of range")? = replacement;
         }
         Ok(())
     }
 }
 
-const TOO_LONG: &str = "it is too long";
+const TOO_LONG: &str = "has a count that is too large for the file";
 
-/// What bytes mean.
+/// The encoding of a number.
 #[derive(Clone, Copy)]
-struct Kind {
+struct NumberFormat {
     component: ComponentType,
-    /// Integers are parts of their greatest.
-    are_parts: bool,
+    /// Whether integers are divided by the largest integer of their type.
+    is_normalized: bool,
 }
 
-fn number(bytes: &[u8], kind: Kind) -> f64 {
-    let part = |number: f64, greatest: f64| {
-        if kind.are_parts {
-            (number / greatest).max(-1.0)
+fn number(bytes: &[u8], format: NumberFormat) -> f64 {
+    let scaled = |number: f64, largest: f64| {
+        if format.is_normalized {
+            (number / largest).max(-1.0)
         } else {
             number
         }
     };
-    match (kind.component, bytes) {
-        (ComponentType::I8, [a]) => part(f64::from(i8::from_le_bytes([*a])), f64::from(i8::MAX)),
-        (ComponentType::U8, [a]) => part(f64::from(*a), f64::from(u8::MAX)),
+    match (format.component, bytes) {
+        (ComponentType::I8, [a]) => scaled(f64::from(i8::from_le_bytes([*a])), f64::from(i8::MAX)),
+        (ComponentType::U8, [a]) => scaled(f64::from(*a), f64::from(u8::MAX)),
         (ComponentType::I16, [a, b]) => {
-            part(f64::from(i16::from_le_bytes([*a, *b])), f64::from(i16::MAX))
+            scaled(f64::from(i16::from_le_bytes([*a, *b])), f64::from(i16::MAX))
         }
         (ComponentType::U16, [a, b]) => {
-            part(f64::from(u16::from_le_bytes([*a, *b])), f64::from(u16::MAX))
+            scaled(f64::from(u16::from_le_bytes([*a, *b])), f64::from(u16::MAX))
         }
         (ComponentType::U32, [a, b, c, d]) => f64::from(u32::from_le_bytes([*a, *b, *c, *d])),
         (ComponentType::F32, [a, b, c, d]) => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
-        _ => unreachable!("as many bytes as the component has"),
+        _ => unreachable!("the slice has the size of the component"),
     }
 }

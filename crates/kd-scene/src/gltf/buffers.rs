@@ -1,4 +1,4 @@
-//! The bytes that a glTF file refers to.
+//! The buffers and images of a glTF file.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use gltf::json::buffer::View;
 
 use crate::{LoadError, Texture, TextureSource};
 
-/// All buffers, in their order.
+/// The bytes of all buffers, in file order.
 #[derive(Debug)]
 pub(super) struct Buffers(Vec<Vec<u8>>);
 
@@ -37,17 +37,17 @@ impl Buffers {
                 Source::Bin => blob
                     .take()
                     .map(<[u8]>::to_vec)
-                    .ok_or_else(|| bad(index, "there is none in the file".into()))?,
+                    .ok_or_else(|| bad(index, "the file has no binary chunk".into()))?,
                 Source::Uri(uri) => match inline(uri) {
-                    Some(bytes) => bytes.ok_or_else(|| bad(index, "it is not base64".into()))?,
-                    None => files(&beside(path, uri))
+                    Some(bytes) => bytes.ok_or_else(|| bad(index, "invalid base64 data".into()))?,
+                    None => files(&resolve(path, uri))
                         .map_err(|error| bad(index, format!("`{uri}`: {error}")))?,
                 },
             };
             if bytes.len() < buffer.length() {
                 return Err(LoadError::Truncated {
                     file: file(),
-                    element: "byte of a buffer".to_owned(),
+                    element: "buffer byte".to_owned(),
                     index: bytes.len(),
                     count: buffer.length(),
                 });
@@ -57,21 +57,21 @@ impl Buffers {
         Ok(Self(all))
     }
 
-    /// A picture, as far as it can be told where it is.
+    /// The name and the data of an image. The data are empty if the file does not locate them.
     pub(super) fn texture(&self, json: &Root, number: usize, file: &str) -> Texture {
         let image = &json.images[number];
-        let nothing = || TextureSource::Bytes(Arc::from([]));
+        let empty = || TextureSource::Bytes(Arc::from([]));
         let source = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => match inline(uri) {
                 Some(bytes) => TextureSource::Bytes(Arc::from(bytes.unwrap_or_default())),
-                None => TextureSource::File(beside(Path::new(file), uri)),
+                None => TextureSource::File(resolve(Path::new(file), uri)),
             },
             (None, Some(view)) => {
                 let bytes = json.buffer_views.get(view.value());
                 let bytes = bytes.and_then(|view| self.of_view(view));
-                bytes.map_or_else(nothing, |bytes| TextureSource::Bytes(Arc::from(bytes)))
+                bytes.map_or_else(empty, |bytes| TextureSource::Bytes(Arc::from(bytes)))
             }
-            (None, None) => nothing(),
+            (None, None) => empty(),
         };
         Texture {
             name: image
@@ -82,7 +82,7 @@ impl Buffers {
         }
     }
 
-    /// The bytes of a view, if they are there.
+    /// The bytes of a buffer view; `None` if it exceeds its buffer.
     pub(super) fn of_view(&self, view: &View) -> Option<&[u8]> {
         let buffer = self.0.get(view.buffer.value())?;
         let start = usize::try_from(view.byte_offset.map_or(0, |offset| offset.0)).ok()?;
@@ -90,25 +90,25 @@ impl Buffers {
         buffer.get(start..start.checked_add(length)?)
     }
 
-    /// How many bytes there are in all.
+    /// Total number of bytes of all buffers.
     pub(super) fn bytes(&self) -> usize {
         self.0.iter().map(Vec::len).sum()
     }
 }
 
-/// The bytes in a `data:` URI; `None` if it is none, `Some(None)` if they are not as they should be.
+/// The bytes of a `data:` URI. `None` if `uri` has another scheme, `Some(None)` if its data are not valid base64.
 fn inline(uri: &str) -> Option<Option<Vec<u8>>> {
     let data = uri.strip_prefix("data:")?;
     let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
     Some(encoded.and_then(|encoded| STANDARD.decode(encoded).ok()))
 }
 
-/// A file that is named by another.
-fn beside(path: &Path, uri: &str) -> PathBuf {
+/// The path of a file that the file at `path` names.
+fn resolve(path: &Path, uri: &str) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(decoded(uri))
 }
 
-/// Names in glTF are URIs, in which what is not plain is written as two digits.
+/// Decodes the percent-encoding of a URI.
 fn decoded(uri: &str) -> String {
     let digit = |byte: &u8| {
         char::from(*byte)
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_decoded() {
+    fn percent_encoding_is_decoded() {
         for (uri, name) in [
             ("a%20b.bin", "a b.bin"),
             ("100%", "100%"),
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_may_be_in_the_file() {
+    fn data_uris_are_decoded() {
         assert_eq!(inline("a.bin"), None);
         assert_eq!(inline("data:;base64,AQID"), Some(Some(vec![1, 2, 3])));
         assert_eq!(inline("data:text/plain,abc"), Some(None));

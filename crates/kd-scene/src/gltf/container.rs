@@ -1,6 +1,6 @@
-//! Binary glTF: what is text, and the bytes behind it (glTF 2.0, §4.4).
+//! The chunks of binary glTF (glTF 2.0, §4.4).
 
-/// The text of a file, and the bytes that it has with it.
+/// The JSON text of a file and its binary chunk.
 #[derive(Debug)]
 pub(super) struct Container<'a> {
     pub(super) json: &'a [u8],
@@ -8,11 +8,11 @@ pub(super) struct Container<'a> {
 }
 
 impl<'a> Container<'a> {
-    /// A file that does not begin as a binary one is all text.
+    /// Splits a file into chunks. A file without the magic number of binary glTF is all JSON.
     ///
     /// # Errors
     ///
-    /// What is wrong with it.
+    /// A description of the fault.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, &'static str> {
         let Some(rest) = bytes.strip_prefix(b"glTF") else {
             return Ok(Self {
@@ -20,16 +20,16 @@ impl<'a> Container<'a> {
                 blob: None,
             });
         };
-        let cut = "a binary file that ends in its header";
+        let cut = "binary glTF ends in its header";
         let (version, rest) = number(rest).ok_or(cut)?;
         if version != 2 {
-            return Err("a binary file of another version than 2");
+            return Err("the version of binary glTF is not 2");
         }
-        // How long the file is, which its pieces tell too.
+        // The length of the file is redundant.
         let (_, rest) = number(rest).ok_or(cut)?;
         let (kind, json, rest) = chunk(rest).ok_or(cut)?;
         if kind != *b"JSON" {
-            return Err("a binary file that does not begin with text");
+            return Err("the first chunk of binary glTF is not JSON");
         }
         let blob = match chunk(rest) {
             Some((kind, blob, _)) if kind == *b"BIN\0" => Some(blob),
@@ -44,12 +44,12 @@ fn number(bytes: &[u8]) -> Option<(u32, &[u8])> {
     Some((u32::from_le_bytes(*number), rest))
 }
 
-/// A piece, what kind it is of, and what follows.
+/// The type and the data of the first chunk, and the bytes after it.
 fn chunk(bytes: &[u8]) -> Option<([u8; 4], &[u8], &[u8])> {
     let (length, rest) = number(bytes)?;
     let (kind, rest) = rest.split_first_chunk()?;
-    let (piece, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;
-    Some((*kind, piece, rest))
+    let (data, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;
+    Some((*kind, data, rest))
 }
 
 #[cfg(test)]
@@ -57,29 +57,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pieces_are_found() {
+    fn chunks_are_split() {
         let mut file = b"glTF\x02\0\0\0\xff\0\0\0".to_vec();
         for (kind, piece) in [
             (b"JSON", &b"{}  "[..]),
             (b"BIN\0", b"1234567"),
             (b"more", b""),
         ] {
-            file.extend(u32::try_from(piece.len()).expect("short").to_le_bytes());
+            file.extend(
+                u32::try_from(piece.len())
+                    .expect("fits in 32 bits")
+                    .to_le_bytes(),
+            );
             file.extend(kind);
             file.extend(piece);
         }
-        let found = Container::read(&file).expect("whole");
+        let found = Container::read(&file).expect("a complete file");
         assert_eq!(
             (found.json, found.blob),
             (&b"{}  "[..], Some(&b"1234567"[..]))
         );
-        let without = Container::read(&file[..24]).expect("text alone");
+        let without = Container::read(&file[..24]).expect("JSON alone");
         assert_eq!((without.json, without.blob), (&b"{}  "[..], None));
         for end in 4..24 {
             assert!(Container::read(&file[..end]).is_err(), "{end} bytes");
         }
         file[4] = 1;
         let error = Container::read(&file).expect_err("version 1");
-        assert_eq!(error, "a binary file of another version than 2");
+        assert_eq!(error, "the version of binary glTF is not 2");
     }
 }

@@ -1,4 +1,4 @@
-//! Materials of glTF, as far as Whitted's light knows them.
+//! Conversion of glTF materials to the material model of the renderer.
 
 use glam::Vec3;
 use gltf::material::AlphaMode;
@@ -6,37 +6,37 @@ use gltf::material::AlphaMode;
 use super::Reader;
 use crate::{Material, Surface};
 
-/// How much every surface that is no metal gives back straight on.
+/// Mirror reflectance of non-metals at normal incidence.
 const PLAIN_MIRROR: f32 = 0.04;
 
 impl Reader {
-    /// Reads all materials and names all pictures. After those of the file comes the one of triangles that have none.
+    /// Reads all materials and locates all images. The default material, for triangles without one, is the last.
     pub(super) fn materials(&mut self, document: &gltf::Document) {
         let images = 0..self.json.images.len();
         let textures = images.map(|number| self.buffers.texture(&self.json, number, &self.file));
         self.scene.textures = textures.collect();
         self.scene.materials = document
             .materials()
-            .map(|material| made(&material))
+            .map(|material| converted(&material))
             .collect();
         self.scene.materials.push(Material::default());
     }
 
-    /// The number of a material, that of its picture, and which of its places in it corners have.
-    pub(super) fn look_of(&self, material: &gltf::Material<'_>) -> (u32, u32, u32) {
+    /// The indices of a material, of its texture, and of the set of texture coordinates that it uses.
+    pub(super) fn material_of(&self, material: &gltf::Material<'_>) -> (u32, u32, u32) {
         let last = self.scene.materials.len() - 1;
         let number = material.index().unwrap_or(last).min(last);
-        let number = u32::try_from(number).expect("each takes bytes of a file");
+        let number = u32::try_from(number).expect("fewer than 2^32, as each takes bytes of a file");
         let info = material.pbr_metallic_roughness().base_color_texture();
-        let picture = info.as_ref().map(|info| info.texture().source().index());
-        let picture = picture.filter(|picture| *picture < self.scene.textures.len());
-        let picture = picture.and_then(|picture| u32::try_from(picture).ok());
+        let image = info.as_ref().map(|info| info.texture().source().index());
+        let image = image.filter(|image| *image < self.scene.textures.len());
+        let image = image.and_then(|image| u32::try_from(image).ok());
         let set = info.map_or(0, |info| info.tex_coord());
-        (number, picture.unwrap_or(Surface::NO_TEXTURE), set)
+        (number, image.unwrap_or(Surface::NO_TEXTURE), set)
     }
 }
 
-fn made(material: &gltf::Material<'_>) -> Material {
+fn converted(material: &gltf::Material<'_>) -> Material {
     let surface = material.pbr_metallic_roughness();
     let [r, g, b, alpha] = surface.base_color_factor();
     let base = Vec3::new(r, g, b);
@@ -44,7 +44,7 @@ fn made(material: &gltf::Material<'_>) -> Material {
     let rough = surface.roughness_factor().clamp(0.0, 1.0);
     let specular = Vec3::splat(PLAIN_MIRROR).lerp(base, metal);
     let diffuse = base * (1.0 - metal);
-    // Rough surfaces blur what they mirror, which is not done here: it fades instead.
+    // Rough surfaces blur reflections. The renderer has no blur, so reflections fade with roughness instead.
     let smooth = (1.0 - rough) * (1.0 - rough);
     let is_clear = material.alpha_mode() == AlphaMode::Blend;
     Material {

@@ -11,11 +11,11 @@ use crate::keys::sampled::{Sampled, Values};
 use crate::keys::{Curve, Keys};
 use crate::{LoadError, Span};
 
-/// Frames in a second, where a file only knows times.
-const FRAMES: f64 = 25.0;
+/// Frames per second; glTF specifies times only.
+const FRAMES_PER_SECOND: f64 = 25.0;
 
 impl Reader {
-    /// How nodes move, by their numbers in the file, in the first animation. What is not moved of them is where it is.
+    /// The keys of the animated nodes in the first animation, by node index in the file. Properties without keys are constant.
     pub(super) fn motion(
         &mut self,
         document: &gltf::Document,
@@ -25,47 +25,61 @@ impl Reader {
             return Ok(motion);
         };
         if document.animations().count() > 1 {
-            self.warn("only the first of its animations is read".to_owned());
+            self.warn("only the first animation is read".to_owned());
         }
         let number = animation.index();
         let json = self.json.animations.get(number).cloned();
-        let json = json.ok_or_else(|| self.bad("animation", number, "it is not there"))?;
+        let json = json.ok_or_else(|| self.bad_element("animation", number, "does not exist"))?;
         let mut end = 0.0_f64;
         for channel in &json.channels {
             let node = document.nodes().nth(channel.target.node.value());
             let sampler = json.samplers.get(channel.sampler.value());
             let (Some(node), Some(sampler)) = (node, sampler) else {
-                return Err(self.bad("animation", number, "a channel has no node, or no keys"));
+                return Err(self.bad_element(
+                    "animation",
+                    number,
+                    "a channel refers to a node or sampler that does not exist",
+                ));
             };
-            let (Checked::Valid(property), Checked::Valid(way)) =
+            let (Checked::Valid(property), Checked::Valid(interpolation)) =
                 (channel.target.path, sampler.interpolation)
             else {
-                return Err(self.bad("animation", number, "a channel is of no known kind"));
+                return Err(self.bad_element(
+                    "animation",
+                    number,
+                    "a channel has an unknown target path or interpolation",
+                ));
             };
             if property == Property::MorphTargetWeights {
-                self.warn("shapes to blend do not move".to_owned());
+                self.warn("animated morph targets are ignored".to_owned());
                 continue;
             }
             let times = self.numbers::<1>(sampler.input, false)?;
             let times: Vec<f64> = times.into_iter().map(|[time]| time).collect();
             let is_finite = times.iter().all(|time| time.is_finite());
             if times.is_empty() || !is_finite || !times.is_sorted_by(|a, b| a < b) {
-                return Err(self.bad("animation", number, "the times of keys do not ascend"));
+                return Err(self.bad_element("animation", number, "key times do not ascend"));
             }
             end = end.max(times[times.len() - 1]);
-            let wrong = || self.bad("animation", number, "there are not as many values as times");
+            let wrong = || {
+                self.bad_element(
+                    "animation",
+                    number,
+                    "the number of values does not match the number of key times",
+                )
+            };
             let keys = motion.entry(node.index()).or_insert_with(|| at_rest(&node));
             if property == Property::Rotation {
-                let turns = self.numbers::<4>(sampler.output, true)?;
-                let turns = turns.into_iter().map(DQuat::from_array).collect();
-                let curve = sampled(times, turns, way).ok_or_else(wrong)?;
+                let rotations = self.numbers::<4>(sampler.output, true)?;
+                let rotations = rotations.into_iter().map(DQuat::from_array).collect();
+                let curve = sampled(times, rotations, interpolation).ok_or_else(wrong)?;
                 keys.rotation = Some(Curve::Sampled(curve));
                 continue;
             }
             let values = self.numbers::<3>(sampler.output, false)?;
             let values = values.into_iter().map(DVec3::from).collect();
             let curve = Some(Curve::Sampled(
-                sampled(times, values, way).ok_or_else(wrong)?,
+                sampled(times, values, interpolation).ok_or_else(wrong)?,
             ));
             if property == Property::Scale {
                 keys.scale = curve;
@@ -76,9 +90,9 @@ impl Reader {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "a million frames are enough"
+            reason = "clamped to a million frames"
         )]
-        let frames = (end * FRAMES).ceil().clamp(1.0, 1e6) as usize + 1;
+        let frames = (end * FRAMES_PER_SECOND).ceil().clamp(1.0, 1e6) as usize + 1;
         if !motion.is_empty() {
             self.scene.span = Some(Span {
                 start: 0.0,
@@ -90,7 +104,7 @@ impl Reader {
     }
 }
 
-/// Where a node is that does not move.
+/// The static transform of a node as constant curves.
 fn at_rest(node: &gltf::Node<'_>) -> Keys {
     let (translation, rotation, scale) = node.transform().decomposed();
     let turn: DQuat = Quat::from_array(rotation).as_dquat();
@@ -102,10 +116,14 @@ fn at_rest(node: &gltf::Node<'_>) -> Keys {
     }
 }
 
-/// `None` if there are not as many values as there should be.
-fn sampled<T: Copy>(times: Vec<f64>, values: Vec<T>, way: Interpolation) -> Option<Sampled<T>> {
+/// The keys of a sampler; `None` if the number of values does not match the number of times.
+fn sampled<T: Copy>(
+    times: Vec<f64>,
+    values: Vec<T>,
+    interpolation: Interpolation,
+) -> Option<Sampled<T>> {
     let count = times.len();
-    let values = match way {
+    let values = match interpolation {
         Interpolation::Step if values.len() == count => Values::Step(values),
         Interpolation::Linear if values.len() == count => Values::Linear(values),
         Interpolation::CubicSpline if values.len() == 3 * count => {

@@ -1,48 +1,49 @@
-//! Key frames of glTF 2.0 (Khronos Group, *glTF 2.0 Specification*, appendix C): constant, straight, or along cubic splines.
+//! Key frames of glTF 2.0 (Khronos Group, *glTF 2.0 Specification*, appendix C): step, linear, or cubic spline interpolation.
 
 use glam::{DQuat, DVec3};
 
-/// Values at times, which ascend; at least one.
+/// One or more keys in ascending order of time, in seconds.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sampled<T> {
     pub(crate) times: Vec<f64>,
     pub(crate) values: Values<T>,
 }
 
-/// What is between keys.
+/// The values at the keys, and how to interpolate between them.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Values<T> {
-    /// What was at the key before.
+    /// The value of the preceding key.
     Step(Vec<T>),
-    /// The straight, or the shortest, way.
+    /// Linear interpolation; spherical for rotations.
     Linear(Vec<T>),
-    /// For each key the tangent in, the value, and the tangent out.
+    /// A cubic Hermite spline: for each key its incoming tangent, value and outgoing tangent.
     Cubic(Vec<[T; 3]>),
 }
 
-/// What can be between two of its kind.
-pub(crate) trait Between: Copy {
-    fn straight(self, other: Self, part: f64) -> Self;
-    /// What is left of sums of such values.
-    fn sum(parts: [(f64, Self); 4]) -> Self;
+/// A value that can be interpolated.
+pub(crate) trait Interpolate: Copy {
+    /// Linear interpolation from `self` (0) to `other` (1); spherical for rotations.
+    fn interpolate(self, other: Self, fraction: f64) -> Self;
+    /// The weighted sum, normalised for rotations.
+    fn weighted_sum(parts: [(f64, Self); 4]) -> Self;
 }
 
-impl Between for DVec3 {
-    fn straight(self, other: Self, part: f64) -> Self {
-        self.lerp(other, part)
+impl Interpolate for DVec3 {
+    fn interpolate(self, other: Self, fraction: f64) -> Self {
+        self.lerp(other, fraction)
     }
 
-    fn sum(parts: [(f64, Self); 4]) -> Self {
+    fn weighted_sum(parts: [(f64, Self); 4]) -> Self {
         parts.iter().map(|(weight, value)| *weight * *value).sum()
     }
 }
 
-impl Between for DQuat {
-    fn straight(self, other: Self, part: f64) -> Self {
-        self.slerp(other, part)
+impl Interpolate for DQuat {
+    fn interpolate(self, other: Self, fraction: f64) -> Self {
+        self.slerp(other, fraction)
     }
 
-    fn sum(parts: [(f64, Self); 4]) -> Self {
+    fn weighted_sum(parts: [(f64, Self); 4]) -> Self {
         let zero = Self::from_xyzw(0.0, 0.0, 0.0, 0.0);
         let sum = parts
             .iter()
@@ -55,7 +56,7 @@ impl Between for DQuat {
     }
 }
 
-impl<T: Between> Sampled<T> {
+impl<T: Interpolate> Sampled<T> {
     /// A value that does not change.
     pub(crate) fn constant(value: T) -> Self {
         Self {
@@ -64,7 +65,7 @@ impl<T: Between> Sampled<T> {
         }
     }
 
-    /// The value at a time; before the first key that of the first, after the last that of the last.
+    /// The value at `time`, in seconds. It is constant before the first and after the last key.
     pub(crate) fn at(&self, time: f64) -> T {
         let after = self.times.partition_point(|key| *key <= time);
         let before = after.saturating_sub(1);
@@ -74,21 +75,23 @@ impl<T: Between> Sampled<T> {
         } else {
             0.0
         };
-        let part = if is_inside {
+        let fraction = if is_inside {
             (time - self.times[before]) / length
         } else {
             0.0
         };
         match &self.values {
             Values::Step(values) => values[before],
-            Values::Linear(values) if is_inside => values[before].straight(values[after], part),
+            Values::Linear(values) if is_inside => {
+                values[before].interpolate(values[after], fraction)
+            }
             Values::Linear(values) => values[before],
             Values::Cubic(values) if is_inside => {
                 let ([_, from, out], [inwards, to, _]) = (values[before], values[after]);
-                let (square, cube) = (part * part, part * part * part);
-                T::sum([
+                let (square, cube) = (fraction * fraction, fraction * fraction * fraction);
+                T::weighted_sum([
                     (2.0 * cube - 3.0 * square + 1.0, from),
-                    (length * (cube - 2.0 * square + part), out),
+                    (length * (cube - 2.0 * square + fraction), out),
                     (3.0 * square - 2.0 * cube, to),
                     (length * (cube - square), inwards),
                 ])
@@ -103,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_kind_goes_its_way() {
+    fn step_linear_and_cubic_keys_interpolate() {
         let values = vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0)];
         let times = vec![1.0, 2.0, 4.0];
         let at = |values: Values<DVec3>, time: f64| {
@@ -120,7 +123,7 @@ mod tests {
             assert_eq!(at(Values::Step(values.clone()), time), step, "{time}");
             assert_eq!(at(Values::Linear(values.clone()), time), straight, "{time}");
         }
-        // With tangents of the straight way, cubic is straight; without any, it is slow at keys.
+        // A cubic spline with the tangents of a line is that line; with zero tangents, it is slow near keys.
         let cubic = |tangents: [DVec3; 3]| {
             let keys = values.iter().zip(tangents);
             Values::Cubic(
@@ -135,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_stay_turns() {
+    fn interpolated_rotations_have_unit_length() {
         let quarter = DQuat::from_rotation_z(1.5);
         let values = vec![DQuat::IDENTITY, quarter];
         let turn = Sampled {

@@ -1,4 +1,4 @@
-//! OBJ files as scenes: what their triangles look like, by normals, places in textures and materials.
+//! OBJ files as scenes: normals, texture coordinates and materials beside the geometry.
 
 use std::collections::HashMap;
 use std::io;
@@ -8,61 +8,61 @@ use glam::Vec3;
 
 use super::{BYTE_ORDER_MARK, Statements, read_obj, words};
 use crate::error::quoted;
-use crate::files::opened;
+use crate::files::read_file;
 use crate::{LoadError, Material, SceneDescription, Surface, Texture, TextureSource};
 
-/// Reads a Wavefront OBJ file as a scene that stands still: its geometry as [`read_obj`] does, and normals, places in textures
-/// and materials with it. `path` is used in errors, and to find the files that it names.
+/// Reads a Wavefront OBJ file as a static scene of one part: the geometry of [`read_obj`], normals, texture coordinates and
+/// materials. `files` reads the file at a path; names in the file are relative to `path`.
 ///
-/// Materials have a diffuse colour or texture, highlights, mirrors where their illumination model is 3 or more, and let light
-/// through as far as they are dissolved. Files of materials that are missing or broken, and materials that are in none, are
-/// warnings, and light grey.
+/// A material has a diffuse colour or texture, highlights, a mirror reflectance if its illumination model is 3 or more, and a
+/// transmittance of 1 minus its `d`. A material file that is missing or invalid, and a material that no file defines, are
+/// warnings; their triangles are light grey.
 ///
 /// # Errors
 ///
-/// As [`read_obj`], and for normals and places in textures as for positions.
+/// Those of [`read_obj`]; normals and texture coordinates have the same errors as positions.
 pub fn read_obj_scene(
     path: &Path,
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<SceneDescription, LoadError> {
     let name = path.display().to_string();
-    let bytes = opened(path, files)?;
+    let bytes = read_file(path, files)?;
     let mesh = read_obj(bytes.as_slice(), &name)?;
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
-    let looks = looks(bytes, path, files)?;
+    let appearance = appearance(bytes, path, files)?;
     let mut scene = SceneDescription::of_mesh(mesh);
-    scene.materials = looks.materials;
-    scene.textures = looks.textures;
-    scene.warnings = looks.warnings;
-    scene.parts[0].surface = looks.surface;
+    scene.materials = appearance.materials;
+    scene.textures = appearance.textures;
+    scene.warnings = appearance.warnings;
+    scene.parts[0].surface = appearance.surface;
     Ok(scene)
 }
 
-/// What is read beside the geometry.
+/// The scene data beside the geometry.
 #[derive(Debug, Default)]
-struct Looks {
+struct Appearance {
     surface: Surface,
     materials: Vec<Material>,
     textures: Vec<Texture>,
     warnings: Vec<String>,
 }
 
-/// Reads everything but the geometry, which is known to be right; triangles are fans of faces, in file order.
-fn looks(
+/// Reads everything but the geometry, which is valid already. Triangles are the fans of the faces, in file order.
+fn appearance(
     bytes: &[u8],
     path: &Path,
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
-) -> Result<Looks, LoadError> {
+) -> Result<Appearance, LoadError> {
     let mut reader = Reader {
         file: path.display().to_string(),
         folder: path.parent().unwrap_or(Path::new("")),
         files,
-        looks: Looks {
+        appearance: Appearance {
             materials: vec![Material::default()],
-            ..Looks::default()
+            ..Appearance::default()
         },
-        numbers: HashMap::new(),
-        textures_of: vec![Surface::NO_TEXTURE],
+        material_indices: HashMap::new(),
+        material_textures: vec![Surface::NO_TEXTURE],
         normals: Vec::new(),
         uvs: Vec::new(),
         current: 0,
@@ -80,18 +80,19 @@ struct Reader<'a> {
     file: String,
     folder: &'a Path,
     files: &'a mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
-    looks: Looks,
-    /// Materials by their names, and the texture of each.
-    numbers: HashMap<String, u32>,
-    textures_of: Vec<u32>,
+    appearance: Appearance,
+    /// Indices of materials by name.
+    material_indices: HashMap<String, u32>,
+    /// Texture index of each material.
+    material_textures: Vec<u32>,
     normals: Vec<Vec3>,
     uvs: Vec<[f32; 2]>,
-    /// The material in use.
+    /// Index of the current material.
     current: u32,
     face: usize,
 }
 
-/// A corner of a face, without its position.
+/// The texture coordinates and the normal of a corner of a face.
 #[derive(Clone, Copy, Debug, Default)]
 struct Corner {
     uv: Option<[f32; 2]>,
@@ -107,7 +108,7 @@ impl Reader<'_> {
                 self.normals.push(normal);
             }
             Some(b"vt") => {
-                // The second may be left out, and is counted from below there.
+                // `v` is optional and runs from the bottom up in OBJ.
                 let [u, v] = match words.count() {
                     1 => [self.numbers_of::<1>(statement, line)?[0], 0.0],
                     _ => self.numbers_of(statement, line)?,
@@ -116,14 +117,14 @@ impl Reader<'_> {
             }
             Some(b"mtllib") => {
                 let names = rest(statement, b"mtllib");
-                // A name may have blanks in it; several names are several words.
-                if !self.library(&names) && names.contains(' ') {
+                // The text is either one name with blanks, or several names.
+                if !self.read_library(&names) && names.contains(' ') {
                     for name in names.split_whitespace() {
-                        self.library(name);
+                        self.read_library(name);
                     }
                 }
             }
-            Some(b"usemtl") => self.choose(&rest(statement, b"usemtl")),
+            Some(b"usemtl") => self.use_material(&rest(statement, b"usemtl")),
             Some(b"f" | b"fo") => {
                 let corners = words.map(|word| self.corner(word, line));
                 let corners = corners.collect::<Result<Vec<Corner>, _>>()?;
@@ -156,17 +157,17 @@ impl Reader<'_> {
         Ok(all)
     }
 
-    /// `position/uv/normal`, of which the latter two may be left out.
+    /// Parses `position/uv/normal`, where the last two are optional.
     fn corner(&self, word: &[u8], line: usize) -> Result<Corner, LoadError> {
-        let mut parts = word.split(|byte| *byte == b'/').skip(1);
+        let mut indices = word.split(|byte| *byte == b'/').skip(1);
         Ok(Corner {
-            uv: self.named(parts.next(), &self.uvs, line)?,
-            normal: self.named(parts.next(), &self.normals, line)?,
+            uv: self.lookup(indices.next(), &self.uvs, line)?,
+            normal: self.lookup(indices.next(), &self.normals, line)?,
         })
     }
 
-    /// What a number names, from 1 on, or from -1 back.
-    fn named<T: Copy>(
+    /// The element of `all` at an index from 1, or at a negative index from the end.
+    fn lookup<T: Copy>(
         &self,
         word: Option<&[u8]>,
         all: &[T],
@@ -182,7 +183,7 @@ impl Reader<'_> {
             return Err(LoadError::BadLine {
                 file: self.file.clone(),
                 line,
-                problem: format!("bad face: {} is no index", quoted(word)),
+                problem: format!("bad face: {} is not an index", quoted(word)),
             });
         };
         let count = i64::try_from(all.len()).unwrap_or(i64::MAX);
@@ -203,10 +204,10 @@ impl Reader<'_> {
     }
 
     fn triangle(&mut self, corners: [Corner; 3]) {
-        let surface = &mut self.looks.surface;
+        let surface = &mut self.appearance.surface;
         let before = surface.materials.len();
         surface.materials.push(self.current);
-        let texture = self.textures_of[self.current as usize];
+        let texture = self.material_textures[self.current as usize];
         if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.uv)
             && texture != Surface::NO_TEXTURE
         {
@@ -221,20 +222,20 @@ impl Reader<'_> {
         }
     }
 
-    /// Uses a material. One that is not known is grey.
-    fn choose(&mut self, name: &str) {
-        let known = self.numbers.get(name).copied();
+    /// Makes a material current; an unknown name selects light grey.
+    fn use_material(&mut self, name: &str) {
+        let known = self.material_indices.get(name).copied();
         self.current = known.unwrap_or_else(|| {
-            let warning = format!("{}: no material `{name}`; light grey is used", self.file);
-            if !self.looks.warnings.contains(&warning) {
-                self.looks.warnings.push(warning);
+            let warning = format!("{}: unknown material `{name}`; using light grey", self.file);
+            if !self.appearance.warnings.contains(&warning) {
+                self.appearance.warnings.push(warning);
             }
             0
         });
     }
 
-    /// Reads a file of materials; false if it cannot be read.
-    fn library(&mut self, name: &str) -> bool {
+    /// Reads a material file; `false` if it cannot be read.
+    fn read_library(&mut self, name: &str) -> bool {
         let path = self.folder.join(name);
         let bytes = (self.files)(&path).map_err(|error| error.to_string());
         let loaded = bytes.and_then(|bytes| {
@@ -248,8 +249,8 @@ impl Reader<'_> {
                 true
             }
             Err(error) => {
-                let warning = format!("{}: {error}; light grey is used", path.display());
-                self.looks.warnings.push(warning);
+                let warning = format!("{}: {error}; using light grey", path.display());
+                self.appearance.warnings.push(warning);
                 false
             }
         }
@@ -263,7 +264,7 @@ impl Reader<'_> {
             .diffuse_texture
             .as_deref()
             .map(|name| self.texture(name));
-        // A texture stands for the colour where that is black.
+        // Under a texture, black means that the texture alone gives the colour.
         let diffuse = color(material.diffuse, 0.8);
         let diffuse = if texture.is_some() && diffuse == Vec3::ZERO {
             Vec3::ONE
@@ -271,10 +272,10 @@ impl Reader<'_> {
             diffuse
         };
         let specular = color(material.specular, 0.0);
-        // Models below 3 have highlights, and no mirrors.
+        // Illumination models below 3 have highlights, but no mirror reflection.
         let is_mirror = material.illumination_model.is_some_and(|model| model >= 3);
         let made = Material {
-            // Most files have an ambient colour that means nothing.
+            // The ambient colour in most files is meaningless.
             ambient: 0.25 * diffuse,
             diffuse,
             specular,
@@ -283,34 +284,35 @@ impl Reader<'_> {
             transmittance: (1.0 - material.dissolve.unwrap_or(1.0)).clamp(0.0, 1.0),
             refraction: material.optical_density.unwrap_or(1.0),
         };
-        let number = u32::try_from(self.looks.materials.len()).expect("each takes bytes of a file");
-        self.looks.materials.push(made);
-        self.textures_of
+        let number = u32::try_from(self.appearance.materials.len())
+            .expect("fewer than 2^32, as each takes bytes of a file");
+        self.appearance.materials.push(made);
+        self.material_textures
             .push(texture.unwrap_or(Surface::NO_TEXTURE));
-        self.numbers.insert(material.name.clone(), number);
+        self.material_indices.insert(material.name.clone(), number);
     }
 
     fn texture(&mut self, name: &str) -> u32 {
-        // Options come first, and the name last; some write it with the strokes of another system.
+        // The name follows the options; some files use backslashes in paths.
         let name = name
             .rsplit(char::is_whitespace)
             .next()
             .unwrap_or(name)
             .replace('\\', "/");
         let source = TextureSource::File(self.folder.join(&name));
-        let textures = &mut self.looks.textures;
+        let textures = &mut self.appearance.textures;
         let known = textures.iter().position(|texture| texture.source == source);
         let number = known.unwrap_or_else(|| {
             textures.push(Texture { name, source });
             textures.len() - 1
         });
-        u32::try_from(number).expect("each takes bytes of a file")
+        u32::try_from(number).expect("fewer than 2^32, as each takes bytes of a file")
     }
 
-    fn finish(self) -> Looks {
-        let mut looks = self.looks;
-        let triangles = looks.surface.materials.len();
-        let surface = &mut looks.surface;
+    fn finish(self) -> Appearance {
+        let mut appearance = self.appearance;
+        let triangles = appearance.surface.materials.len();
+        let surface = &mut appearance.surface;
         if !surface.textures.is_empty() {
             surface.textures.resize(triangles, Surface::NO_TEXTURE);
             surface.uvs.resize(triangles, [[0.0; 2]; 3]);
@@ -318,11 +320,11 @@ impl Reader<'_> {
         if !surface.normals.is_empty() {
             surface.normals.resize(triangles, [Vec3::ZERO; 3]);
         }
-        looks
+        appearance
     }
 }
 
-/// What follows the first word of a statement.
+/// The text of a statement after its first word.
 fn rest(statement: &[u8], word: &[u8]) -> String {
     let text = statement.trim_ascii();
     let text = text.strip_prefix(word).unwrap_or(text).trim_ascii();

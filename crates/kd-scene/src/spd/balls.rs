@@ -1,14 +1,14 @@
-//! balls: nine spheres on every sphere, a third its size.
+//! balls: every sphere carries nine spheres of a third of its radius.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{Look, look};
-use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::{MeshDraft, RESOLUTION, UnitSphere};
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     draft.floor(DVec3::new(0.0, 0.0, -0.5), 12.0);
     let grower = Grower {
         unit: UnitSphere::new(RESOLUTION),
@@ -16,7 +16,7 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     };
     grower.grow(&mut draft, size, DVec3::ZERO, 0.5, DVec3::Z);
     let lights = [[4.0, 3.0, 2.0], [1.0, -4.0, 4.0], [-3.0, 1.0, 5.0]];
-    (draft, look([2.1, 1.3, 1.7], [0.0; 3], &lights))
+    (draft, camera_and_lights([2.1, 1.3, 1.7], [0.0; 3], &lights))
 }
 
 struct Grower {
@@ -25,8 +25,15 @@ struct Grower {
 }
 
 impl Grower {
-    /// A sphere that points along `direction`, and on it nine smaller ones, `depth` times over.
-    fn grow(&self, draft: &mut Draft, depth: u32, center: DVec3, radius: f64, direction: DVec3) {
+    /// Adds a sphere whose axis is `direction`, and nine smaller spheres on it, recursively to `depth`.
+    fn grow(
+        &self,
+        draft: &mut MeshDraft,
+        depth: u32,
+        center: DVec3,
+        radius: f64,
+        direction: DVec3,
+    ) {
         draft.sphere(&self.unit, center, radius);
         if depth == 0 {
             return;
@@ -46,7 +53,7 @@ impl Grower {
     }
 }
 
-/// Where the nine sit on a sphere that points along +z: three trios, 120 degrees apart.
+/// The directions of the nine spheres on a sphere whose axis is +z: three groups of three, 120 degrees apart.
 fn nine_directions() -> [DVec3; 9] {
     const D: f64 = FRAC_1_SQRT_2;
     let tilt = rotation(DVec3::new(D, -D, 0.0), libm::asin(2.0 / libm::sqrt(6.0)));
@@ -64,7 +71,7 @@ fn nine_directions() -> [DVec3; 9] {
     std::array::from_fn(|index| trios[index / 3][index % 3])
 }
 
-/// The shortest rotation that takes +z to `direction`.
+/// The shortest rotation from +z to `direction`.
 fn turn_from_z(direction: DVec3) -> DMat3 {
     if direction.z >= 0.9999 {
         DMat3::IDENTITY
@@ -87,24 +94,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nine_touch_their_parent_and_not_each_other() {
+    fn the_nine_spheres_do_not_overlap() {
         let nine = nine_directions();
         for (index, direction) in nine.iter().enumerate() {
             assert!((direction.length() - 1.0).abs() < 1e-12, "{direction}");
             for other in &nine[index + 1..] {
-                // Centres at 4/3 R, radii R/3: they touch at an angle of 2 asin(1/4).
+                // The centers are at a distance of 4/3 R and the radii are R/3: spheres touch at an angle of 2 asin(1/4).
                 let apart = (*direction - *other).length() * 4.0 / 3.0;
                 assert!(apart >= 2.0 / 3.0 - 1e-9, "{direction} and {other} overlap");
             }
         }
         assert!(
             nine.iter().all(|direction| direction.z > -0.6),
-            "none sits where the parent is"
+            "no sphere is at the contact with the parent"
         );
     }
 
     #[test]
-    fn turning_takes_z_to_the_direction() {
+    fn turn_from_z_maps_z_to_the_direction() {
         for direction in [DVec3::X, DVec3::NEG_Z, DVec3::Z, DVec3::new(1.0, -2.0, 3.0)] {
             let direction = direction.normalize();
             assert!(

@@ -1,18 +1,18 @@
-//! gears: layers of meshing gears with 36 teeth each.
+//! gears: layers of interlocking gears with 36 teeth each.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::{Look, look};
-use crate::tessellate::Draft;
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::MeshDraft;
 
 const TEETH: u32 = 36;
-/// The four corners of a tooth: angle in tooth pitches, and whether it is at the tip.
+/// The four corners of a tooth: the angle in tooth pitches, and whether the corner is at the tip.
 const TOOTH: [(f64, bool); 4] = [(-0.19, true), (0.19, true), (0.3, false), (0.7, false)];
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     draft.floor(DVec3::ZERO, 2.0);
     let s = f64::from(size);
     let pitch_radius = 1.0 / (s - (s - 1.0) * 0.05);
@@ -38,11 +38,14 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
         [-1.0, -4.0, 2.0],
         [-1.111, -2.121, 2.626],
     ];
-    (draft, look([-1.1, -2.1, 2.6], [0.0; 3], &lights))
+    (
+        draft,
+        camera_and_lights([-1.1, -2.1, 2.6], [0.0; 3], &lights),
+    )
 }
 
-/// A gear whose upper cap lies around `center`.
-fn gear(draft: &mut Draft, center: DVec3, pitch_radius: f64, thickness: f64, phase: f64) {
+/// Adds a gear with the center of its upper cap at `center`.
+fn gear(draft: &mut MeshDraft, center: DVec3, pitch_radius: f64, thickness: f64, phase: f64) {
     let mut outline = |drop: f64| -> Vec<u32> {
         let corners = (0..TEETH).flat_map(|tooth| TOOTH.map(|corner| (tooth, corner)));
         corners
@@ -67,8 +70,8 @@ fn gear(draft: &mut Draft, center: DVec3, pitch_radius: f64, thickness: f64, pha
     }
 }
 
-/// Triangles of the concave outline, without overlap: two for each tooth, standing on the chord
-/// between its feet, and a fan for what is left, a convex polygon of all feet on one circle.
+/// The triangles of the concave outline, without overlap: two for each tooth above the chord between its feet, and a fan for
+/// the remaining convex polygon, whose corners are the feet on one circle.
 fn cap() -> Vec<[usize; 3]> {
     let teeth = TEETH as usize;
     let mut triangles = Vec::with_capacity(4 * teeth - 2);
@@ -91,7 +94,7 @@ mod tests {
     #[test]
     fn caps_cover_their_outline_exactly() {
         for phase in [0.0, PI / 36.0] {
-            let mut draft = Draft::default();
+            let mut draft = MeshDraft::default();
             gear(&mut draft, DVec3::ZERO, 1.0, 0.1, phase);
             let mesh = draft.into_mesh().expect("a mesh");
             let flat = |corner: usize| mesh.positions()[corner].map(f64::from);
@@ -101,7 +104,7 @@ mod tests {
             let mut covered = 0.0;
             for corners in cap() {
                 let area = twice_area(corners.map(flat)) / 2.0;
-                assert!(area > 0.0, "{corners:?} is flipped or flat");
+                assert!(area > 0.0, "{corners:?} is reversed or has no area");
                 covered += area;
             }
             let shoelace = (0..144).map(|corner| {

@@ -1,17 +1,17 @@
-//! jacks: crosses of cylinders and spheres, eight half-sized ones in every one.
+//! jacks: every cross of cylinders and spheres contains eight crosses of half its size.
 
 use glam::{DMat3, DVec3, Vec3};
 
 use super::balls::rotation;
-use super::{Look, look};
+use super::{CameraAndLights, camera_and_lights};
 use crate::Camera;
-use crate::tessellate::{Draft, UnitSphere};
+use crate::tessellate::{MeshDraft, UnitSphere};
 
 /// Coarser than in the other scenes.
 const RESOLUTION: u32 = 2;
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     let tilt = rotation(DVec3::X, (-30.0_f64).to_radians());
     let frame = rotation(DVec3::Y, (-20.0_f64).to_radians()) * tilt;
     grow(
@@ -21,10 +21,11 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
         DVec3::ZERO,
         frame,
     );
-    let Look { camera, lights } = look([0.0, 0.0, -8.0], [0.0; 3], &[[-10.0, 3.0, -20.0]]);
+    let CameraAndLights { camera, lights } =
+        camera_and_lights([0.0, 0.0, -8.0], [0.0; 3], &[[-10.0, 3.0, -20.0]]);
     (
         draft,
-        Look {
+        CameraAndLights {
             camera: Camera {
                 up: Vec3::Y,
                 fov_degrees: 25.0,
@@ -35,9 +36,9 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     )
 }
 
-/// A jack in `frame`, whose columns are its arms, and `depth - 1` generations in its octants.
-fn grow(draft: &mut Draft, unit: &UnitSphere, depth: u32, center: DVec3, frame: DMat3) {
-    // Shrunk so that neighbours do not overlap.
+/// Adds a jack whose arms are the columns of `frame`, and `depth - 1` generations in its octants.
+fn grow(draft: &mut MeshDraft, unit: &UnitSphere, depth: u32, center: DVec3, frame: DMat3) {
+    // The factor keeps neighbors from overlapping.
     let arms = [frame.x_axis, frame.y_axis, frame.z_axis].map(|arm| arm * 0.75);
     let scale = arms[0].length();
     for arm in arms {

@@ -1,20 +1,20 @@
-//! mount: a fractal mountain by midpoint displacement, under four spheres.
+//! mount: a fractal mountain by midpoint displacement, below four spheres.
 
 use std::f64::consts::{LN_2, SQRT_2};
 
 use glam::DVec3;
 
-use super::{Look, look};
-use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::{MeshDraft, RESOLUTION, UnitSphere};
 
 const FRACTAL_DIMENSION: f64 = 2.2;
-/// Another number is another mountain.
-const MOUNTAIN: u64 = 21;
+/// Seed of the random heights.
+const SEED: u64 = 21;
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     let unit = UnitSphere::new(RESOLUTION);
-    // Four spheres that touch: the corners of a tetrahedron whose edge is twice the radius.
+    // Four touching spheres, at the corners of a tetrahedron whose edge is twice the radius.
     let (center, radius) = (DVec3::new(-0.8, 0.8, 1.0), 0.17);
     for corner in [
         [1.0, 1.0, 1.0],
@@ -35,7 +35,11 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     let mut corners = Vec::with_capacity(side * side);
     for y in 0..side {
         for x in 0..side {
-            let position = DVec3::new(place(x, cells), place(y, cells), heights[y * side + x]);
+            let position = DVec3::new(
+                coordinate(x, cells),
+                coordinate(y, cells),
+                heights[y * side + x],
+            );
             corners.push(draft.vertex(position));
         }
     }
@@ -47,7 +51,7 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     }
     (
         draft,
-        look([-1.6, 1.6, 1.7], [0.0; 3], &[[-100.0, -100.0, 100.0]]),
+        camera_and_lights([-1.6, 1.6, 1.7], [0.0; 3], &[[-100.0, -100.0, 100.0]]),
     )
 }
 
@@ -55,12 +59,12 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     clippy::cast_precision_loss,
     reason = "grids have at most 4096 cells a side"
 )]
-fn place(index: usize, cells: usize) -> f64 {
+fn coordinate(index: usize, cells: usize) -> f64 {
     2.0 * index as f64 / cells as f64 - 1.0
 }
 
-/// Heights at the corners of `cells` x `cells` cells, a power of two, over the square of side 2;
-/// zero at its corners.
+/// The heights at the corners of `cells` × `cells` cells, row by row, over a square of side 2. `cells` is a power of two. The
+/// heights at the corners of the square are 0.
 fn heights(cells: usize) -> Vec<f64> {
     let side = cells + 1;
     let mut heights = vec![0.0; side * side];
@@ -80,7 +84,7 @@ fn heights(cells: usize) -> Vec<f64> {
                     (x, y + width),
                 ]
                 .map(|(x, y)| heights[at(x, y)]);
-                // An edge between two cells is displaced twice, to the same height.
+                // The midpoint of an edge between two cells is displaced twice, to the same height.
                 for (x, y, mean) in [
                     (x + half, y, (a + b) / 2.0),
                     (x + width, y + half, (b + c) / 2.0),
@@ -100,16 +104,16 @@ fn heights(cells: usize) -> Vec<f64> {
     heights
 }
 
-/// A fixed, roughly normal number for a place and a level: the sum of twelve uniform ones.
+/// A reproducible, approximately normal number for a position and a cell width: a sum of twelve uniform numbers.
 fn normal(x: usize, y: usize, width: usize) -> f64 {
-    let mut state = MOUNTAIN;
+    let mut state = SEED;
     for word in [x, y, width] {
         state = mix(state ^ word as u64);
     }
     let mut sum = -6.0;
     for _ in 0..12 {
         state = mix(state);
-        // The upper 32 bits, as a number from 0 to 1.
+        // The upper 32 bits as a number from 0 to 1.
         sum += f64::from((state >> 32) as u32) / f64::from(u32::MAX);
     }
     sum
@@ -128,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normals_look_normal() {
+    fn normal_has_mean_0_and_variance_1() {
         let draws: Vec<f64> = (0..10_000).map(|i| normal(i % 100, i / 100, 2)).collect();
         let mean = draws.iter().sum::<f64>() / 1e4;
         let variance = draws.iter().map(|draw| draw * draw).sum::<f64>() / 1e4;
@@ -137,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_stay_at_zero_and_the_rest_moves() {
+    fn only_corners_have_height_zero() {
         let heights = heights(64);
         assert_eq!(
             [
@@ -152,7 +156,7 @@ mod tests {
         assert_eq!(moved, 65 * 65 - 4);
         assert!(
             heights.iter().all(|height| height.abs() < 2.5),
-            "a mountain, not noise"
+            "heights are bounded"
         );
     }
 }

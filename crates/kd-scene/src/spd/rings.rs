@@ -1,22 +1,22 @@
-//! rings: a pyramid of interlocking rings, each five spheres and five cylinders.
+//! rings: a pyramid of interlocking rings, each of five spheres and five cylinders.
 
 use std::f64::consts::{FRAC_PI_8, PI, TAU};
 
 use glam::DVec3;
 
 use super::balls::rotation;
-use super::{Look, look};
-use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::{MeshDraft, RESOLUTION, UnitSphere};
 
 const RADIUS: f64 = 0.07412;
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     let unit = UnitSphere::new(RESOLUTION);
     let spread = 1.0 / libm::sin(FRAC_PI_8);
     let eye = DVec3::new(-1.0, -spread, 0.5);
 
-    // The wall fills the view and a little more.
+    // The wall is slightly larger than the view.
     let wall_y = spread * f64::from(size + 1);
     let half = 1.01 * (wall_y - eye.y) * libm::tan(FRAC_PI_8);
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
@@ -44,11 +44,11 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     let eye = eye.as_vec3();
     let target = [eye.x, eye.y + 1.0, eye.z];
     let lights = [[3.0, eye.y, 3.0], [-4.0, eye.y, 1.0], [2.0, eye.y, -4.0]];
-    (draft, look(eye.to_array(), target, &lights))
+    (draft, camera_and_lights(eye.to_array(), target, &lights))
 }
 
-/// Six pentagons whose corners are the midpoints of a dodecahedron's edges. With spheres at the
-/// corners the whole just fits the unit sphere.
+/// Six pentagons whose corners are the midpoints of the edges of a dodecahedron. With spheres at the corners, they touch the
+/// unit sphere from inside.
 fn pentagons() -> [[DVec3; 5]; 6] {
     let mut corner = 0.0;
     let first = [(); 5].map(|()| {
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_are_the_thirty_midpoints() {
+    fn corners_are_those_of_an_icosidodecahedron() {
         let all: Vec<DVec3> = pentagons().into_iter().flatten().collect();
         let mut neighbours = 0;
         for (index, corner) in all.iter().enumerate() {
@@ -84,7 +84,7 @@ mod tests {
             for other in &all[index + 1..] {
                 let apart = (*corner - *other).length() * (1.0 + RADIUS);
                 assert!(apart > 0.6, "{corner} and {other} are the same corner");
-                // Edges of the icosidodecahedron, whose corners these are, subtend 36 degrees.
+                // The edges of an icosidodecahedron subtend 36 degrees.
                 let edge = 2.0 * libm::sin(PI / 10.0);
                 neighbours += usize::from((apart - edge).abs() < 1e-6);
             }

@@ -1,14 +1,14 @@
-//! shells: a spiral of overlapping spheres, after Pickover.
+//! shells: a spiral of overlapping spheres, by Pickover.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::{Look, look};
-use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::{MeshDraft, RESOLUTION, UnitSphere};
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     let unit = UnitSphere::new(RESOLUTION);
     let steps = 180_i32 << size;
     for step in -2 * steps / 3..=steps / 3 {
@@ -19,7 +19,7 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     }
     (
         draft,
-        look(
+        camera_and_lights(
             [-6.0, -60.0, 35.0],
             [0.0, 8.0, -15.0],
             &[[-100.0, -100.0, 100.0]],

@@ -4,23 +4,23 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::{Look, look};
+use super::{CameraAndLights, camera_and_lights};
 use crate::Camera;
-use crate::tessellate::Draft;
+use crate::tessellate::MeshDraft;
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     let side = 16 << size;
     let mut corners = Vec::new();
     for row in 0..side {
         for column in 0..side {
-            // The brim is cut where the original cuts it, one step before +4 ...
+            // The samples end one step before +4, as in the original ...
             let sample = |step: u32| 8.0 * f64::from(step) / f64::from(side) - 4.0;
             let distance = libm::hypot(sample(column), sample(row));
             let height = 3.0 * libm::cos(TAU * distance) * libm::exp(-distance);
-            // ... and then stretched to the whole of the field, whose heights run along y.
-            let place = |step: u32| 8.0 * f64::from(step) / f64::from(side - 1) - 4.0;
-            corners.push(draft.vertex(DVec3::new(place(column), height, place(row))));
+            // ... and are stretched to the whole field. Heights are along y.
+            let coordinate = |step: u32| 8.0 * f64::from(step) / f64::from(side - 1) - 4.0;
+            corners.push(draft.vertex(DVec3::new(coordinate(column), height, coordinate(row))));
         }
     }
     let corner = |row: u32, column: u32| corners[(row * side + column) as usize];
@@ -34,10 +34,11 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
             ]);
         }
     }
-    let Look { camera, lights } = look([0.0, 5.0, -8.0], [0.0; 3], &[[10.0, 10.0, -10.0]]);
+    let CameraAndLights { camera, lights } =
+        camera_and_lights([0.0, 5.0, -8.0], [0.0; 3], &[[10.0, 10.0, -10.0]]);
     (
         draft,
-        Look {
+        CameraAndLights {
             camera: Camera {
                 fov_degrees: 40.0,
                 ..camera

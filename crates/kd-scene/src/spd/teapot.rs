@@ -1,19 +1,18 @@
-//! teapot: Newell's 32 patches on a board.
+//! teapot: Newell's 32 Bézier patches on a board.
 //!
-//! The 290 control points in use follow from far fewer numbers. Rim, body, lid and bottom are six
-//! curves turned about z, a quarter at a time, with a square-ish circle of control points; handle
-//! and spout are two bands of seven cross-sections each, mirrored in y.
+//! The 290 distinct control points are computed from fewer numbers. Rim, body, lid and bottom are six curves that revolve about
+//! z in four quarters; handle and spout are two bands of seven cross-sections each, mirrored in y.
 
 use glam::DVec3;
 
-use super::{Look, look};
-use crate::tessellate::Draft;
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::MeshDraft;
 
-/// Control points of a curve to turn: radius, height, and how far around the inner points of the
-/// quarter circle reach, in radii.
+/// The four control points of a profile curve: radius, height, and the reach of the inner control points of a quarter circle,
+/// in radii.
 type Turned = [(f64, f64, f64); 4];
 
-/// Newell's circles: 0.56 is a little more than the 0.5523 that comes closest to a circle.
+/// The reach of Newell's circles. The best approximation of a circle is 0.5523.
 const ROUND: f64 = 0.56;
 
 const TURNED: [Turned; 6] = [
@@ -37,7 +36,7 @@ const TURNED: [Turned; 6] = [
         (1.5, 0.225, ROUND),
         (1.5, 0.15, ROUND),
     ],
-    // lid: the one circle that differs is in its knob
+    // lid: one circle of its knob has another reach
     [
         (0.0, 3.15, ROUND),
         (0.8, 3.15, 0.5625),
@@ -59,7 +58,7 @@ const TURNED: [Turned; 6] = [
     ],
 ];
 
-/// One cross-section of a band: x and z of its inner and outer edge, half its width in y.
+/// A cross-section of a band: `[x, z]` of its inner and outer edge, and half its width in y.
 type Section = ([f64; 2], [f64; 2], f64);
 
 const HANDLE: [Section; 7] = [
@@ -82,11 +81,11 @@ const SPOUT: [Section; 7] = [
     ([2.8, 2.4], [3.2, 2.4], 0.15),
 ];
 
-/// Control points of a patch: four rows of four.
+/// The control points of a patch: four rows of four.
 type Patch = [[DVec3; 4]; 4];
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     for patch in patches() {
         tessellate(&mut draft, &patch, size);
     }
@@ -101,7 +100,7 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     }
     (
         draft,
-        look(
+        camera_and_lights(
             [4.86, 7.2, 5.4],
             [0.0; 3],
             &[[-3.1, 9.8, 12.1], [11.3, 5.1, 8.8]],
@@ -112,7 +111,7 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
 fn patches() -> Vec<Patch> {
     let mut patches = Vec::with_capacity(32);
     for curve in TURNED {
-        // Quarters go clockwise as seen from above.
+        // The quarters are in clockwise order as seen from above.
         for (from, to) in [
             (DVec3::X, DVec3::NEG_Y),
             (DVec3::NEG_Y, DVec3::NEG_X),
@@ -137,7 +136,7 @@ fn patches() -> Vec<Patch> {
                         point(outer, y),
                         point(outer, 0.0),
                     ];
-                    // The mirrored half runs the other way, so that both face outwards.
+                    // The mirrored half is reversed, so that both halves face outwards.
                     if side < 0.0 {
                         row
                     } else {
@@ -151,8 +150,8 @@ fn patches() -> Vec<Patch> {
     patches
 }
 
-/// `size` x `size` cells of two triangles, without those that have two corners on the axis.
-fn tessellate(draft: &mut Draft, patch: &Patch, size: u32) {
+/// Adds `size` × `size` cells of two triangles, without triangles that have two corners on the axis.
+fn tessellate(draft: &mut MeshDraft, patch: &Patch, size: u32) {
     let parameter = |step: u32| f64::from(step) / f64::from(size);
     let mut corners = Vec::new();
     for row in 0..=size {
@@ -222,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surface_stays_in_the_known_box() {
+    fn the_surface_has_the_known_bounds() {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for patch in patches() {
             for step in 0..=20 * 20 {
@@ -238,9 +237,9 @@ mod tests {
         );
     }
 
-    /// Walks around every patch. Where two patches meet, they go opposite ways along the edge.
+    /// Walks around every patch. Two adjacent patches must traverse their common edge in opposite directions.
     #[test]
-    fn patches_meet_and_turn_the_same_way() {
+    fn patches_are_consistently_oriented() {
         let mut open = HashSet::new();
         for patch in patches() {
             let column = |index: usize| [0, 1, 2, 3].map(|row| patch[row][index]);
@@ -255,23 +254,23 @@ mod tests {
                 if !open.remove(&key(back(edge))) {
                     assert!(
                         open.insert(key(edge)),
-                        "two patches turn against each other: {edge:?}"
+                        "two patches have opposite orientations: {edge:?}"
                     );
                 }
             }
         }
-        // Left open are four quarters of the rim's inner edge and of the lid's outer one, and two
-        // halves at either end of handle and spout.
+        // The open edges are four quarters of the inner edge of the rim and of the outer edge of the lid, and two halves at
+        // either end of handle and spout.
         assert_eq!(open.len(), 4 + 4 + 8, "{open:?}");
     }
 
     #[test]
     fn body_and_bands_face_outwards() {
         for (index, patch) in patches().iter().enumerate() {
-            let mut draft = Draft::default();
+            let mut draft = MeshDraft::default();
             tessellate(&mut draft, patch, 6);
             let mesh = draft.into_mesh().expect("a mesh");
-            for triangle in 0..u32::try_from(mesh.len()).expect("72") {
+            for triangle in 0..u32::try_from(mesh.len()).expect("72 triangles") {
                 let [a, b, c] = mesh.corners(triangle);
                 let (normal, middle) = ((b - a).cross(c - a), (a + b + c) / 3.0);
                 let outwards = match index {

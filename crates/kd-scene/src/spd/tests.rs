@@ -1,8 +1,8 @@
-//! Facts about all scenes: counts as documented by the databases, boxes, determinism.
+//! Properties of all scenes: documented counts, bounding boxes, determinism.
 
 use super::*;
 
-/// Triangles at a size, worked out by hand from the documented numbers of primitives.
+/// Numbers of triangles at a size, computed by hand from the documented numbers of primitives.
 const COUNTS: [(Spd, u32, usize); 33] = [
     (Spd::Balls, 1, 10 * 192 + 2),
     (Spd::Balls, 2, 91 * 192 + 2),
@@ -51,7 +51,7 @@ fn counts_are_as_documented() {
 }
 
 #[test]
-fn boxes_are_as_built() {
+fn bounds_are_as_expected() {
     let rows = [
         (Spd::Balls, 2, [-12.0, -12.0, -0.5], [12.0, 12.0, 0.785]),
         (Spd::Gears, 2, [-2.0, -2.0, 0.0], [2.0, 2.0, 1.0]),
@@ -71,7 +71,7 @@ fn boxes_are_as_built() {
 }
 
 #[test]
-fn no_scene_has_flat_triangles() {
+fn no_scene_has_triangles_without_area() {
     for scene in Spd::ALL {
         let setup = scene.generate(2).expect("a scene");
         assert_eq!(setup.mesh.zero_area_count(), 0, "{scene}");
@@ -79,7 +79,7 @@ fn no_scene_has_flat_triangles() {
 }
 
 #[test]
-fn cameras_see_something() {
+fn cameras_see_a_quarter_of_the_vertices() {
     for scene in Spd::ALL {
         let setup = scene.generate(2).expect("a scene");
         let camera = setup.camera;
@@ -102,7 +102,7 @@ fn cameras_see_something() {
     }
 }
 
-/// Same positions on every platform. A changed number here is a changed scene for everyone.
+/// Positions are identical on every platform. A changed hash means a changed scene for all records.
 #[test]
 fn scenes_do_not_change() {
     let pinned = [
@@ -126,7 +126,7 @@ fn scenes_do_not_change() {
             .flatten()
             .map(|coordinate| coordinate.to_bits());
         let words = positions.chain(mesh.triangles().iter().flatten().copied());
-        // FNV-1a, by words.
+        // FNV-1a over 32-bit words.
         let step = |hash: u64, word: u32| (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3);
         (scene, words.fold(0xcbf2_9ce4_8422_2325, step))
     });
@@ -134,7 +134,7 @@ fn scenes_do_not_change() {
 }
 
 #[test]
-fn sizes_out_of_range_are_refused_without_work() {
+fn sizes_out_of_range_are_errors() {
     for scene in Spd::ALL {
         assert_eq!(scene.generate(0), Err(SpdError::SizeZero { scene }));
         for size in [10_000, u32::MAX / 2, u32::MAX] {
@@ -158,7 +158,7 @@ fn sizes_out_of_range_are_refused_without_work() {
 }
 
 #[test]
-fn names_go_there_and_back() {
+fn names_parse_to_their_scene() {
     for scene in Spd::ALL {
         assert_eq!(scene.name().parse(), Ok(scene));
     }
@@ -167,7 +167,7 @@ fn names_go_there_and_back() {
         .expect_err("no such scene")
         .to_string();
     assert!(
-        error.starts_with("no scene is called `bals`, expected one of balls, gears"),
+        error.starts_with("unknown scene `bals`, expected one of balls, gears"),
         "{error}"
     );
 }

@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Look, look};
+use super::{CameraAndLights, camera_and_lights};
 use crate::Camera;
-use crate::tessellate::Draft;
+use crate::tessellate::MeshDraft;
 
-/// Four corners of a cube that are a tetrahedron: those whose signs multiply to +1.
+/// The four corners of a cube that form a tetrahedron: the product of their signs is +1.
 const CORNERS: [[f64; 3]; 4] = [
     [1.0, 1.0, 1.0],
     [1.0, -1.0, -1.0],
@@ -14,11 +14,11 @@ const CORNERS: [[f64; 3]; 4] = [
     [-1.0, -1.0, 1.0],
 ];
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     grow(&mut draft, size - 1, DVec3::ZERO, 1.0);
     let eye = [1.022_846, -3.177_154, -2.174_512];
-    let Look { camera, lights } = look(
+    let CameraAndLights { camera, lights } = camera_and_lights(
         eye,
         [-0.004_103, -0.004_103, 0.216_539],
         &[[2.0, -18.0, -5.0]],
@@ -26,15 +26,15 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
     let up = Vec3::new(-0.816_497, -0.816_497, 0.816_497);
     (
         draft,
-        Look {
+        CameraAndLights {
             camera: Camera { up, ..camera },
             lights,
         },
     )
 }
 
-/// A tetrahedron in the cube `center` +- `half`, or four of half the size at its corners.
-fn grow(draft: &mut Draft, depth: u32, center: DVec3, half: f64) {
+/// Adds the tetrahedron in the cube `center` ± `half`, or, if `depth` > 0, four of half the size at its corners.
+fn grow(draft: &mut MeshDraft, depth: u32, center: DVec3, half: f64) {
     if depth > 0 {
         for corner in CORNERS {
             grow(
@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_is_the_tetrahedron_in_the_cube() {
+    fn size_1_is_one_tetrahedron() {
         let (draft, _) = make(1);
         let mesh = draft.into_mesh().expect("a mesh");
         let corners = CORNERS.map(|corner| DVec3::from(corner).as_vec3().to_array());

@@ -3,16 +3,16 @@
 use glam::{DMat3, DVec3};
 
 use super::balls::rotation;
-use super::{Look, look};
-use crate::tessellate::{Draft, RESOLUTION, UnitSphere};
+use super::{CameraAndLights, camera_and_lights};
+use crate::tessellate::{MeshDraft, RESOLUTION, UnitSphere};
 
-/// How much thinner a branch is than its parent, and its tip than its base.
+/// Ratio of the radius of a branch to that of its parent, and of its tip to its base.
 const TAPER: f64 = 0.67;
 
-pub(super) fn make(size: u32) -> (Draft, Look) {
-    let mut draft = Draft::default();
+pub(super) fn make(size: u32) -> (MeshDraft, CameraAndLights) {
+    let mut draft = MeshDraft::default();
     draft.floor(DVec3::ZERO, 50.0);
-    // Length against the parent, tilt away from it, turn around it.
+    // Length relative to the parent, tilt away from it and rotation around it in degrees.
     let forks = [(0.65, 40.0, 90.0), (0.70, 25.0, 230.0)];
     let grower = Grower {
         unit: UnitSphere::new(RESOLUTION),
@@ -31,7 +31,10 @@ pub(super) fn make(size: u32) -> (Draft, Look) {
         [50.0, 25.0, 20.0],
         [-10.0, -60.0, 30.0],
     ];
-    (draft, look([4.5, 0.4, 2.0], [0.0, 0.0, 1.5], &lights))
+    (
+        draft,
+        camera_and_lights([4.5, 0.4, 2.0], [0.0, 0.0, 1.5], &lights),
+    )
 }
 
 struct Grower {
@@ -40,8 +43,8 @@ struct Grower {
 }
 
 impl Grower {
-    /// A branch from `base` along the z of `frame`, and two on its tip, `depth` times over.
-    fn grow(&self, draft: &mut Draft, depth: u32, base: DVec3, frame: DMat3, radius: f64) {
+    /// Adds a branch from `base` along the z axis of `frame`, and two branches at its tip, recursively to `depth`.
+    fn grow(&self, draft: &mut MeshDraft, depth: u32, base: DVec3, frame: DMat3, radius: f64) {
         let tip = base + frame.z_axis;
         draft.cone(RESOLUTION, (base, radius), (tip, TAPER * radius));
         draft.sphere(&self.unit, tip, TAPER * radius);

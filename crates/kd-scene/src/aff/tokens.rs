@@ -1,19 +1,19 @@
-//! An AFF file as words.
+//! The tokenizer of AFF files.
 
 use crate::LoadError;
 use crate::error::quoted;
 
-/// The words of a file: what stands between white space and braces, comments left out.
+/// The tokens of a file, separated by white space and braces, without comments.
 #[derive(Debug)]
-pub(super) struct Words<'a> {
+pub(super) struct Tokens<'a> {
     pub(super) file: &'a str,
     rest: &'a [u8],
     line: usize,
-    /// The line of the word that was taken last.
+    /// Line of the last token taken, from 1.
     pub(super) last_line: usize,
 }
 
-impl<'a> Words<'a> {
+impl<'a> Tokens<'a> {
     pub(super) fn new(file: &'a str, bytes: &'a [u8]) -> Self {
         Self {
             file,
@@ -23,7 +23,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The next word, which stays.
+    /// The next token, without taking it.
     pub(super) fn peek(&mut self) -> Option<&'a [u8]> {
         self.skip_blanks();
         let is_end = |byte: &u8| byte.is_ascii_whitespace() || b"{}#%".contains(byte);
@@ -34,14 +34,15 @@ impl<'a> Words<'a> {
         Some(&self.rest[..length])
     }
 
+    /// Takes the next token.
     pub(super) fn next(&mut self) -> Option<&'a [u8]> {
-        let word = self.peek()?;
+        let token = self.peek()?;
         self.last_line = self.line;
-        self.rest = &self.rest[word.len()..];
-        Some(word)
+        self.rest = &self.rest[token.len()..];
+        Some(token)
     }
 
-    /// Everything up to the end of the line.
+    /// Skips the rest of the line.
     pub(super) fn skip_line(&mut self) {
         let end = self.rest.iter().position(|byte| *byte == b'\n');
         self.rest = &self.rest[end.unwrap_or(self.rest.len())..];
@@ -62,7 +63,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// What is wrong in the line of the last word.
+    /// An error in the line of the last token.
     pub(super) fn error(&self, problem: impl Into<String>) -> LoadError {
         LoadError::BadLine {
             file: self.file.to_owned(),
@@ -71,48 +72,48 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// A word that has to be there; `what` says which.
-    pub(super) fn word(&mut self, what: &str) -> Result<&'a [u8], LoadError> {
+    /// Takes a required token; `what` names it in the error.
+    pub(super) fn token(&mut self, what: &str) -> Result<&'a [u8], LoadError> {
         match self.next() {
-            Some(word) => Ok(word),
-            None => Err(self.error(format!("the file ends where {what} should be"))),
+            Some(token) => Ok(token),
+            None => Err(self.error(format!("expected {what}, found the end of the file"))),
         }
     }
 
-    /// A word as text.
+    /// Takes a token as text.
     pub(super) fn text(&mut self, what: &str) -> Result<String, LoadError> {
-        Ok(String::from_utf8_lossy(self.word(what)?).into_owned())
+        Ok(String::from_utf8_lossy(self.token(what)?).into_owned())
     }
 
-    /// The one word that may be here.
+    /// Takes a token that must be `expected`.
     pub(super) fn expect(&mut self, expected: &str) -> Result<(), LoadError> {
-        let word = self.word(&format!("`{expected}`"))?;
-        if word == expected.as_bytes() {
+        let token = self.token(&format!("`{expected}`"))?;
+        if token == expected.as_bytes() {
             return Ok(());
         }
-        Err(self.error(format!("{} where `{expected}` should be", quoted(word))))
+        Err(self.error(format!("expected `{expected}`, found {}", quoted(token))))
     }
 
-    /// Takes a word if it is the next one.
-    pub(super) fn take_if(&mut self, word: &str) -> bool {
-        let is_next = self.peek() == Some(word.as_bytes());
+    /// Takes the next token if it is `token`.
+    pub(super) fn take_if(&mut self, token: &str) -> bool {
+        let is_next = self.peek() == Some(token.as_bytes());
         if is_next {
             self.next();
         }
         is_next
     }
 
-    /// A finite number.
+    /// Takes a finite number; `what` names it in the error.
     pub(super) fn number(&mut self, what: &str) -> Result<f64, LoadError> {
-        let word = self.word(what)?;
-        match parse(word) {
+        let token = self.token(what)?;
+        match parse(token) {
             Some(number) if number.is_finite() => Ok(number),
-            Some(_) => Err(self.error(format!("{what}: {} is not finite", quoted(word)))),
-            None => Err(self.error(format!("{what}: {} is not a number", quoted(word)))),
+            Some(_) => Err(self.error(format!("{what}: {} is not finite", quoted(token)))),
+            None => Err(self.error(format!("{what}: {} is not a number", quoted(token)))),
         }
     }
 
-    /// Some finite numbers.
+    /// Takes `N` finite numbers.
     pub(super) fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N], LoadError> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
@@ -121,24 +122,24 @@ impl<'a> Words<'a> {
         Ok(numbers)
     }
 
-    /// A number that counts something.
+    /// Takes a non-negative integer.
     pub(super) fn count(&mut self, what: &str) -> Result<usize, LoadError> {
-        let word = self.word(what)?;
-        let text = std::str::from_utf8(word).ok();
+        let token = self.token(what)?;
+        let text = std::str::from_utf8(token).ok();
         let count = text.and_then(|text| text.parse().ok());
-        count.ok_or_else(|| self.error(format!("{what}: {} is not a count", quoted(word))))
+        count.ok_or_else(|| self.error(format!("{what}: {} is not a count", quoted(token))))
     }
 
     /// Whether a number comes next.
     pub(super) fn is_number_next(&mut self) -> bool {
-        self.peek().is_some_and(|word| parse(word).is_some())
+        self.peek().is_some_and(|token| parse(token).is_some())
     }
 }
 
-fn parse(word: &[u8]) -> Option<f64> {
-    // Words such as `inf` and `nan` are no numbers of a file.
-    let has_digit = word.iter().any(u8::is_ascii_digit);
-    let text = std::str::from_utf8(word).ok().filter(|_| has_digit)?;
+fn parse(token: &[u8]) -> Option<f64> {
+    // `inf` and `nan` are not numbers in AFF.
+    let has_digit = token.iter().any(u8::is_ascii_digit);
+    let text = std::str::from_utf8(token).ok().filter(|_| has_digit)?;
     text.parse().ok()
 }
 
@@ -147,12 +148,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_end_at_blanks_braces_and_comments() {
+    fn tokens_end_at_blanks_braces_and_comments() {
         let text = b"xs 1#one\n{i 0 a.aff}% \xf6 \n\t-8.9E-6 }";
-        let mut words = Words::new("a.aff", text);
+        let mut tokens = Tokens::new("a.aff", text);
         let mut all = vec![];
-        while let Some(word) = words.next() {
-            all.push((String::from_utf8_lossy(word).into_owned(), words.last_line));
+        while let Some(token) = tokens.next() {
+            all.push((
+                String::from_utf8_lossy(token).into_owned(),
+                tokens.last_line,
+            ));
         }
         let expected = [
             ("xs", 1),
@@ -165,19 +169,22 @@ mod tests {
             ("-8.9E-6", 3),
             ("}", 3),
         ];
-        assert_eq!(all, expected.map(|(word, line)| (word.to_owned(), line)));
+        assert_eq!(all, expected.map(|(token, line)| (token.to_owned(), line)));
     }
 
     #[test]
-    fn what_is_no_number_is_told_with_its_line() {
+    fn invalid_numbers_are_errors_with_their_line() {
         for (text, expected) in [
             ("1 x", "a.aff: line 1: y: `x` is not a number"),
             ("1\nnan", "a.aff: line 2: y: `nan` is not a number"),
             ("1\n\n1e999", "a.aff: line 3: y: `1e999` is not finite"),
-            ("1\n#2", "a.aff: line 1: the file ends where y should be"),
+            (
+                "1\n#2",
+                "a.aff: line 1: expected y, found the end of the file",
+            ),
         ] {
-            let mut words = Words::new("a.aff", text.as_bytes());
-            let error = words.numbers::<2>("y").expect_err(text);
+            let mut tokens = Tokens::new("a.aff", text.as_bytes());
+            let error = tokens.numbers::<2>("y").expect_err(text);
             assert_eq!(error.to_string(), expected);
         }
     }
