@@ -140,7 +140,7 @@ pub(super) fn measure(
         rays::path_traced(&loaded.description, settings.side)?,
     ];
     let mesh = &loaded.mesh;
-    let stats = UniformGrid::build(mesh, &GridOptions::new())?.stats();
+    let stats = UniformGrid::build(Arc::clone(mesh), &GridOptions::new())?.stats();
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
     // Those of the last run.
