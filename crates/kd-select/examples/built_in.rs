@@ -65,7 +65,7 @@ const fn lazy(build_seconds: f64, ray_seconds: f64, seconds: f64, rays: f64) -> 
 ";
 
 /// The source of `src/built_in.rs`.
-pub fn source_of(calibration: &Calibration) -> Result<String, std::fmt::Error> {
+pub(crate) fn source_of(calibration: &Calibration) -> Result<String, std::fmt::Error> {
     let Calibration {
         version,
         machine,
