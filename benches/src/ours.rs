@@ -1,12 +1,11 @@
-//! Structures of ours that are no kd-trees, as the bench asks them.
+//! Our structures that are no kd-trees, in the form that the bench measures.
 
 mod bvh;
 mod comparators;
 mod grid;
 
-use std::sync::Arc;
-
-use kd::{Hit, Mesh, Ray};
+use kd::{Hit, Ray};
+use kd_trace::RayQuery;
 
 use crate::record::Steps;
 use crate::structure::{Shape, Structure};
@@ -15,29 +14,24 @@ pub(crate) use bvh::build as bvh;
 pub(crate) use comparators::{bsp, octree};
 pub(crate) use grid::build as grid;
 
-/// What takes the mesh with each query.
-trait OverMesh: Send + Sync {
-    fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit>;
-    fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool;
-    fn shape(&self, mesh: &Mesh) -> Shape;
+/// A structure over one mesh, with its statistics.
+trait Ours: RayQuery<Hit = Hit> + Send + Sync {
+    fn shape(&self) -> Shape;
 }
 
-/// It, with its mesh.
-struct WithMesh<T> {
-    structure: T,
-    mesh: Arc<Mesh>,
-}
+/// The structure, traced ray by ray.
+struct Single<T>(T);
 
-impl<T: OverMesh> Structure for WithMesh<T> {
+impl<T: Ours> Structure for Single<T> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.structure.intersect(&self.mesh, ray);
+            *hit = self.0.intersect(ray);
         }
     }
 
     fn any(&self, rays: &[Ray], hits: &mut [bool]) {
         for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.structure.occluded(&self.mesh, ray);
+            *hit = self.0.occluded(ray);
         }
     }
 
@@ -46,7 +40,7 @@ impl<T: OverMesh> Structure for WithMesh<T> {
     }
 
     fn shape(&self) -> Shape {
-        self.structure.shape(&self.mesh)
+        self.0.shape()
     }
 
     fn flaw(&self) -> Option<String> {

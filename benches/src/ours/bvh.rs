@@ -1,36 +1,35 @@
-//! The bounding volume hierarchy, traced by its own nodes or laid out wide.
+//! The bounding volume hierarchy, traced by its own nodes or in the wide layout, and wide nodes of objects.
 
 use std::sync::Arc;
 
 use anyhow::bail;
 use kd::{Hit, Mesh, Ray, WideTree};
-use kd_bvh::{Bvh, BvhMethod, BvhOptions};
+use kd_comparators::{Bvh, BvhMethod, BvhOptions};
+use kd_trace::RayQuery;
 use rayon::ThreadPoolBuilder;
 
-use super::{OverMesh, WithMesh};
-use crate::record::Steps;
-use crate::structure::{BuilderName, Built, LayoutName, Measured, Shape, Structure, Variant};
+use super::{Ours, Single};
+use crate::structure::{BuilderName, Built, LayoutName, Measured, Shape, Variant};
 
 pub(crate) fn build(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
     if variant.builder == BuilderName::Objects {
         let measured = Measured::try_of(|| of_objects(mesh, threads))?;
-        return Ok(measured.into_built(|wide, _| Box::new(Wide { bvh: None, wide })));
+        return Ok(measured.into_built(|wide, _| Box::new(Single(Wide { bvh: None, wide }))));
     }
     let options = options(variant.builder)?.with_threads(threads);
-    let mesh = Arc::clone(mesh);
     if variant.layout == LayoutName::Binary {
-        let measured = Measured::try_of(|| Bvh::build(&mesh, &options))?;
-        return Ok(measured.into_built(|structure, _| Box::new(WithMesh { structure, mesh })));
+        let measured = Measured::try_of(|| Bvh::build(Arc::clone(mesh), &options))?;
+        return Ok(measured.into_built(|bvh, _| Box::new(Single(bvh))));
     }
     let measured = Measured::try_of(|| {
-        let bvh = Bvh::build(&mesh, &options)?;
-        let wide = bvh.wide(&mesh);
+        let bvh = Bvh::build(Arc::clone(mesh), &options)?;
+        let wide = bvh.wide();
         anyhow::Ok(Wide {
             bvh: Some(bvh),
             wide,
         })
     })?;
-    Ok(measured.into_built(|wide, _| Box::new(wide)))
+    Ok(measured.into_built(|wide, _| Box::new(Single(wide))))
 }
 
 fn of_objects(mesh: &Mesh, threads: usize) -> anyhow::Result<WideTree> {
@@ -49,21 +48,13 @@ fn options(builder: BuilderName) -> anyhow::Result<BvhOptions> {
         BuilderName::BottomUp => usual.with_method(BvhMethod::BottomUp { radius: 16 }),
         BuilderName::Midpoint => usual.with_method(BvhMethod::Midpoint),
         BuilderName::EqualCounts => usual.with_method(BvhMethod::EqualCounts),
-        _ => bail!("not a way to build a hierarchy"),
+        _ => bail!("no builder of a hierarchy"),
     })
 }
 
-impl OverMesh for Bvh {
-    fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        self.intersect(mesh, ray)
-    }
-
-    fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool {
-        self.occluded(mesh, ray)
-    }
-
-    fn shape(&self, mesh: &Mesh) -> Shape {
-        let stats = self.stats().with_zero_area(mesh.zero_area_count());
+impl Ours for Bvh {
+    fn shape(&self) -> Shape {
+        let stats = self.stats();
         Shape {
             nodes: stats.nodes,
             leaves: stats.leaves,
@@ -78,52 +69,37 @@ impl OverMesh for Bvh {
     }
 }
 
-/// A hierarchy laid out for rays. The nodes that it was made from, if there were any, are kept to be looked at.
+/// Wide nodes, with the hierarchy that they are made from, if there is one, for its statistics.
 struct Wide {
     bvh: Option<Bvh>,
     wide: WideTree,
 }
 
-impl Structure for Wide {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.wide.intersect(ray);
-        }
+impl RayQuery for Wide {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.wide.intersect(ray)
     }
 
-    fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.wide.occluded(ray);
-        }
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.wide.occluded(ray)
     }
 
-    fn counted(&self, _: &Ray) -> Option<(Option<Hit>, Steps)> {
-        None
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        self.wide.hits(ray, max, out);
     }
+}
 
+impl Ours for Wide {
     fn shape(&self) -> Shape {
         let bytes = self.wide.bytes();
-        let shape = Shape {
-            bytes_total: bytes.nodes + bytes.blocks,
-            ..Shape::unknown()
-        };
-        let Some(bvh) = &self.bvh else {
-            return shape;
-        };
-        let stats = bvh.stats();
+        let of_bvh = self.bvh.as_ref().map_or_else(Shape::unknown, Ours::shape);
         Shape {
-            nodes: stats.nodes,
-            leaves: stats.leaves,
-            refs: stats.references,
-            depth: stats.depth,
-            sah_cost_15_20: stats.sah_cost_15_20,
-            sah_cost_own: stats.sah_cost_own,
-            text: stats.to_string(),
-            ..shape
+            bytes_total: bytes.nodes + bytes.blocks,
+            ..of_bvh
         }
-    }
-
-    fn flaw(&self) -> Option<String> {
-        None
     }
 }

@@ -1,54 +1,36 @@
-//! Structures that the papers describe, here to be compared with.
+//! The octree and the BSP tree.
 
 use std::sync::Arc;
 
-use kd::{Hit, Mesh, Ray};
-use kd_comparators::{Octree, Options, PolygonBsp, Stats};
+use kd::Mesh;
+use kd_comparators::{CellOptions, CellStats, Octree, PolygonBsp};
 
-use super::{OverMesh, WithMesh};
+use super::{Ours, Single};
 use crate::structure::{Built, Measured, Shape};
 
 pub(crate) fn octree(mesh: &Arc<Mesh>) -> anyhow::Result<Built> {
-    let measured = Measured::try_of(|| Octree::build(mesh, &Options::default()))?;
-    let mesh = Arc::clone(mesh);
-    Ok(measured.into_built(|structure, _| Box::new(WithMesh { structure, mesh })))
+    let build = || Octree::build(Arc::clone(mesh), &CellOptions::default());
+    Ok(Measured::try_of(build)?.into_built(|octree, _| Box::new(Single(octree))))
 }
 
 pub(crate) fn bsp(mesh: &Arc<Mesh>) -> anyhow::Result<Built> {
-    let measured = Measured::try_of(|| PolygonBsp::build(mesh, &Options::default()))?;
-    let mesh = Arc::clone(mesh);
-    Ok(measured.into_built(|structure, _| Box::new(WithMesh { structure, mesh })))
+    let build = || PolygonBsp::build(Arc::clone(mesh), &CellOptions::default());
+    Ok(Measured::try_of(build)?.into_built(|bsp, _| Box::new(Single(bsp))))
 }
 
-impl OverMesh for Octree {
-    fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        self.intersect(mesh, ray)
-    }
-
-    fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool {
-        self.occluded(mesh, ray)
-    }
-
-    fn shape(&self, _: &Mesh) -> Shape {
+impl Ours for Octree {
+    fn shape(&self) -> Shape {
         shape_of(&self.stats())
     }
 }
 
-impl OverMesh for PolygonBsp {
-    fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        self.intersect(mesh, ray)
-    }
-
-    fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool {
-        self.occluded(mesh, ray)
-    }
-
-    fn shape(&self, _: &Mesh) -> Shape {
+impl Ours for PolygonBsp {
+    fn shape(&self) -> Shape {
         shape_of(&self.stats())
     }
 }
 
-fn shape_of(stats: &Stats) -> Shape {
+fn shape_of(stats: &CellStats) -> Shape {
     Shape {
         nodes: stats.nodes,
         leaves: stats.leaves,

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use kd::{Hit, Mesh, Ray};
+use kd::Mesh;
 use kd_grid::{GridOptions, Overlap, UniformGrid};
 
-use super::{OverMesh, WithMesh};
+use super::{Ours, Single};
 use crate::structure::{BuilderName, Built, Measured, Shape};
 
 pub(crate) fn build(
@@ -20,22 +20,13 @@ pub(crate) fn build(
     let options = GridOptions::new()
         .with_overlap(overlap)
         .with_threads(threads);
-    let measured = Measured::try_of(|| UniformGrid::build(mesh, &options))?;
-    let mesh = Arc::clone(mesh);
-    Ok(measured.into_built(|structure, _| Box::new(WithMesh { structure, mesh })))
+    let measured = Measured::try_of(|| UniformGrid::build(Arc::clone(mesh), &options))?;
+    Ok(measured.into_built(|grid, _| Box::new(Single(grid))))
 }
 
-impl OverMesh for UniformGrid {
-    fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        self.intersect(mesh, ray)
-    }
-
-    fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool {
-        self.occluded(mesh, ray)
-    }
-
-    fn shape(&self, mesh: &Mesh) -> Shape {
-        let stats = self.stats().with_zero_area(mesh.zero_area_count());
+impl Ours for UniformGrid {
+    fn shape(&self) -> Shape {
+        let stats = self.stats().with_zero_area(self.mesh().zero_area_count());
         Shape {
             leaves: stats.cells,
             empty_leaves: stats.empty_cells,

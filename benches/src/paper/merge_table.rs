@@ -368,7 +368,7 @@ impl<'a> Bench<'a> {
         let options = GridOptions::new().with_threads(1);
         let build = || {
             let start = Instant::now();
-            let grid = UniformGrid::build(&whole, &options)?;
+            let grid = UniformGrid::build(Arc::clone(&whole), &options)?;
             let seconds = start.elapsed().as_secs_f64();
             drop(grid);
             Ok(seconds)

@@ -3,28 +3,33 @@
 mod build;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Aabb, Hit, Mesh, Ray};
+use kd_trace::RayQuery;
 use kd_trace::kit::{Collect, Frame, RayPlanes, Span, TriangleTest, max, min};
 use smallvec::SmallVec;
 
 use crate::query::{self, Walk};
-use crate::{BuildError, Options, Stats};
+use crate::{CellOptions, CellStats, ComparatorError};
 
-/// An octree over a mesh: a comparator, to be measured beside the kd-tree.
+/// An octree over a mesh, with the queries of [`RayQuery`].
 ///
-/// It begins with the scene's box. A cell with more than [a few](Options::with_small_leaf) triangles is divided in the
-/// middle of each axis into eight, and each triangle goes to every octant that it reaches into. Empty octants are not
+/// The root is the scene's box. A cell of more triangles than [`with_small_leaf`](CellOptions::with_small_leaf) is divided in
+/// the middle of each axis into eight octants, and each triangle goes to every octant that it overlaps. Empty octants are not
 /// stored. (Eleftheriades, *kd-tree merging*, 2010, §2.3.2.)
 ///
-/// There, a ray finds the next cell by the side at which it leaves the last one. Here it goes down from the root and
-/// passes the octants of each cell in the ray's order: sides are not certain where planes are crossed in an interval, and
+/// The paper's traversal finds the next cell by the side at which the ray leaves the last one. This traversal descends from the
+/// root and visits the octants of each cell in ray order: exit sides are uncertain where planes are crossed in an interval, and
 /// empty octants need no neighbours.
+///
+/// Expected time of a ray is that of the cells along it. A query allocates nothing up to the default depth.
 #[derive(Clone, Debug)]
 pub struct Octree {
+    mesh: Arc<Mesh>,
     bounds: Aabb,
-    /// The root is the first; there is none without triangles.
+    /// The root is the first node; empty without triangles.
     nodes: Vec<Node>,
     refs: Vec<u32>,
     /// Divisions above the deepest leaf.
@@ -37,11 +42,11 @@ pub struct Octree {
 enum Node {
     /// A divided cell.
     Divided {
-        /// Where it is divided, on each axis.
+        /// Position of the dividing plane on each axis.
         middle: Vec3,
-        /// The first of its children, which lie one after the other in ascending order of octants.
+        /// Index of the first child. Children are stored in ascending order of octants.
         first: u32,
-        /// Which octants have a child. Bit `o` is octant `o`, which is above the middle of axis `k` if its bit `k` is set.
+        /// The octants that have a child, as bits. Octant `o` is above the middle of axis `k` if bit `k` of `o` is set.
         octants: u8,
     },
     /// A list of triangles.
@@ -55,64 +60,42 @@ struct Pending {
     span: Span,
 }
 
-/// The depth that is not exceeded unless it is asked for.
+/// The default limit of depth.
 const DEPTH: u32 = 16;
 
-/// Room for a walk at that depth: all children of each node on a path but the one it goes on with. It grows where more was
-/// asked for.
+/// Stack of a walk at that depth: all children of each node on a path but the one on the path. The stack grows if the depth
+/// limit is larger.
 const STACK: usize = 128;
-const _: () = assert!(STACK > 7 * DEPTH as usize, "nothing is allocated");
+const _: () = assert!(STACK > 7 * DEPTH as usize, "a walk allocates nothing");
 
 impl Octree {
     /// Builds the octree of a mesh.
     ///
-    /// Takes O(N · depth) time for triangles that are small beside their cells. What bounds the others is
-    /// [`Options::with_max_refs`]: there are no more leaves than references, and no more divided cells than the depth times
-    /// the leaves. A cell is not divided either where all of its children that are not empty would hold as much as it does,
-    /// as with triangles that coincide.
+    /// Takes O(N · depth) time for triangles that are small beside their cells.
+    /// [`CellOptions::with_max_refs`] bounds the time of others: leaves are no more than references, and divided cells no more than
+    /// the depth times the leaves. A cell is not divided if each non-empty child would hold all of its triangles, as with
+    /// coincident triangles.
     ///
     /// # Errors
     ///
-    /// [`BuildError`]: an option out of range, or more nodes than have an index.
-    pub fn build(mesh: &Mesh, options: &Options) -> Result<Self, BuildError> {
+    /// [`ComparatorError`] if an option is out of range or nodes exceed 32-bit indices.
+    pub fn build(
+        mesh: impl Into<Arc<Mesh>>,
+        options: &CellOptions,
+    ) -> Result<Self, ComparatorError> {
         options.check()?;
-        build::octree(mesh, options)
+        build::octree(mesh.into(), options)
     }
 
-    /// The closest hit, the lower triangle among equals, or `None`: equal to
-    /// [`kd_trace::brute_force::intersect`] bit for bit.
-    ///
-    /// Expected time is that of the cells along the ray. Nothing is allocated up to the default depth.
-    ///
-    /// # Panics
-    ///
-    /// If `mesh` is not the one that the octree was built from, and has fewer triangles.
-    pub fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        query::intersect(self, mesh, ray)
+    /// The mesh that the octree is over.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
     }
 
-    /// Whether there is any hit. Stops at the first one that is found.
-    ///
-    /// # Panics
-    ///
-    /// As [`intersect`](Self::intersect).
-    pub fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool {
-        query::occluded(self, mesh, ray)
-    }
-
-    /// The first `max` hits in `out`, which is cleared before: ordered by `t`, then by triangle, each triangle once.
-    ///
-    /// # Panics
-    ///
-    /// As [`intersect`](Self::intersect).
-    pub fn hits(&self, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        query::hits(self, mesh, ray, max, out);
-    }
-
-    /// Counts and bytes. Takes time in proportion to the nodes.
-    pub fn stats(&self) -> Stats {
+    /// Counts and bytes. Linear in the number of nodes.
+    pub fn stats(&self) -> CellStats {
         let is_leaf = |node: &&Node| matches!(node, Node::Leaf { .. });
-        Stats {
+        CellStats {
             nodes: self.nodes.len(),
             leaves: self.nodes.iter().filter(is_leaf).count(),
             references: self.refs.len(),
@@ -123,8 +106,26 @@ impl Octree {
     }
 }
 
+impl RayQuery for Octree {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        query::intersect(self, ray)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        query::occluded(self, ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        query::hits(self, ray, max, out);
+    }
+}
+
 impl Walk for Octree {
-    fn walk<C: Collect>(&self, mesh: &Mesh, ray: &Ray, collector: &mut C) {
+    fn walk<C: Collect>(&self, ray: &Ray, collector: &mut C) {
         if self.nodes.is_empty() || !ray.can_hit() {
             return;
         }
@@ -137,7 +138,7 @@ impl Walk for Octree {
         stack.push(Pending { node: 0, span });
         while let Some(Pending { node, mut span }) = stack.pop() {
             let limit = planes.steps(collector.limit());
-            // At the limit itself a lower triangle may lie.
+            // A lower triangle at the limit itself still counts.
             if span.enter > limit {
                 continue;
             }
@@ -154,7 +155,7 @@ impl Walk for Octree {
                 Node::Leaf { first, count } => {
                     let refs = &self.refs[first as usize..][..count as usize];
                     let mut triangles = refs.iter();
-                    let asked = triangles.try_for_each(|&t| test.ask(mesh, t, collector));
+                    let asked = triangles.try_for_each(|&t| test.ask(&self.mesh, t, collector));
                     if asked == ControlFlow::Break(()) {
                         return;
                     }
@@ -164,15 +165,15 @@ impl Walk for Octree {
     }
 }
 
-/// The octants of one cell, as a ray meets them.
+/// The octants of one cell, in ray order.
 struct Octants {
-    /// Where the far half along each axis starts.
+    /// Start of the far half along each axis.
     first: [f32; 3],
-    /// Where the near half ends.
+    /// End of the near half along each axis.
     last: [f32; 3],
-    /// The octant that is near on each axis.
+    /// The octant of the near half on each axis.
     nearest: u8,
-    /// Those with a child.
+    /// The octants that have a child.
     present: u8,
 }
 
@@ -190,14 +191,14 @@ impl Octants {
         }
     }
 
-    /// Puts the octants that the ray may meet on the stack, so that they come off front to back.
+    /// Pushes the octants that the ray may meet, so that they are popped front to back.
     ///
-    /// Bit `k` of an octant's place in this order tells whether it is far on axis `k`. A ray goes from near to far on one
-    /// axis after the other, so that places only grow along it.
+    /// Bit `k` of an octant's rank in this order is set if the octant is far on axis `k`. A ray changes from near to far on one
+    /// axis after the other, so that ranks only grow along the ray.
     #[inline]
     fn push(&self, children: u32, span: Span, stack: &mut SmallVec<[Pending; STACK]>) {
-        for place in (0..8_u8).rev() {
-            let octant = place ^ self.nearest;
+        for rank in (0..8_u8).rev() {
+            let octant = rank ^ self.nearest;
             if self.present & (1 << octant) == 0 {
                 continue;
             }
@@ -206,7 +207,7 @@ impl Octants {
                 mut exit,
             } = span;
             for axis in 0..3 {
-                if place & (1 << axis) == 0 {
+                if rank & (1 << axis) == 0 {
                     exit = min(self.last[axis], exit);
                 } else {
                     enter = max(self.first[axis], enter);
@@ -227,7 +228,7 @@ impl Octants {
 mod tests {
     use super::*;
 
-    /// The octants that a ray meets in the cube [-1, 1]³, in the order in which they are visited.
+    /// The octants of the cube [-1, 1]³ that a ray meets, in the order of visits.
     fn visited(ray: &Ray, present: u8) -> Vec<u32> {
         let bounds = Aabb::around([Vec3::NEG_ONE, Vec3::ONE]);
         let planes = RayPlanes::new(ray, &Frame::new(&bounds));

@@ -1,29 +1,31 @@
-//! The three queries, each in terms of one walk.
+//! The queries of single rays, each in terms of one walk.
 
-use kd_core::{Hit, Mesh, Ray};
+use kd_core::{Hit, Ray};
 use kd_trace::kit::{Any, Closest, Collect, Ordered};
 
-/// What a ray can walk through.
+/// The walk of a ray through a structure.
 pub(crate) trait Walk {
-    /// Gives the collector every hit that it may want, some of them more than once, roughly front to back.
-    fn walk<C: Collect>(&self, mesh: &Mesh, ray: &Ray, collector: &mut C);
+    /// Passes every hit to the collector that it may want, some of them more than once, roughly front to back.
+    fn walk<C: Collect>(&self, ray: &Ray, collector: &mut C);
 }
 
-pub(crate) fn intersect(structure: &impl Walk, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
+#[inline]
+pub(crate) fn intersect(structure: &impl Walk, ray: &Ray) -> Option<Hit> {
     let mut closest = Closest::default();
-    structure.walk(mesh, ray, &mut closest);
+    structure.walk(ray, &mut closest);
     closest.0
 }
 
-pub(crate) fn occluded(structure: &impl Walk, mesh: &Mesh, ray: &Ray) -> bool {
+#[inline]
+pub(crate) fn occluded(structure: &impl Walk, ray: &Ray) -> bool {
     let mut any = Any::default();
-    structure.walk(mesh, ray, &mut any);
+    structure.walk(ray, &mut any);
     any.0
 }
 
-pub(crate) fn hits(structure: &impl Walk, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+pub(crate) fn hits(structure: &impl Walk, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
     out.clear();
     if max > 0 {
-        structure.walk(mesh, ray, &mut Ordered { max, out });
+        structure.walk(ray, &mut Ordered { max, out });
     }
 }

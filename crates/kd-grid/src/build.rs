@@ -1,12 +1,12 @@
-//! From triangles to cells: sorted twice by counting, and no memory for each cell.
+//! The build: two counting sorts from triangles to cells, without memory per cell.
 //!
 //! ```text
-//! triangles ──▶ chunks: an entry for each cell of each, ──▶ slabs: entries of each cell ──▶ offsets, references
-//!               sorted by slab                              counted, then entered
+//! triangles ──▶ chunks: an entry for each cell of a     ──▶ slabs: entries counted by cell, ──▶ offsets, references
+//!               triangle, sorted by slab                    then sorted by cell
 //! ```
 //!
-//! A grid is cut into slabs of cells, so that threads have cells of their own, and so that what is counted of very many cells
-//! stays near. In a cell, triangles are in the order of their numbers, whoever does what when.
+//! A slab is a range of cells. Threads work on slabs of their own, and the counters of one slab fit in the cache. The references
+//! of a cell ascend, at any number of threads.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,41 +15,41 @@ use kd_core::Mesh;
 
 use crate::entries::{CHUNK, Chunk, Entries, Slabs};
 use crate::lattice::Lattice;
-use crate::options::{BuildError, GridOptions, Overlap};
+use crate::options::{GridError, GridOptions, Overlap};
 use crate::overlap::{for_each_cell, for_each_cell_met, is_worth_a_test};
 use crate::small_boxes::SmallBoxes;
 
-/// Meshes of no more triangles are built about as soon as another thread is awake. (Six meshes of 11 000 to 39 000 triangles on two
+/// Up to this number of triangles, one thread builds a grid about as fast as another thread wakes. (Six meshes of 11 000 to 39 000 triangles on two
 /// threads, from a throw-away program, 2026-11-29.)
 const FEW: usize = 1 << 15;
 
-/// What a build gives.
+/// The result of a build.
 #[derive(Clone, Debug)]
 pub(crate) struct Cells {
     pub(crate) lattice: Lattice,
-    /// Where the references of each cell begin, and at last where they end.
+    /// Start of the references of each cell, then the end of the last cell.
     pub(crate) offsets: Vec<u32>,
     pub(crate) refs: Vec<u32>,
     pub(crate) halvings: u32,
 }
 
-/// The cells that a triangle's box meets.
+/// The cells that a triangle's box overlaps.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cover {
     /// The number of the first cell.
     first: u32,
-    /// Which of the [`SmallBoxes`] they are, if any.
+    /// The kind of [`SmallBoxes`], if it is one.
     small: Option<u8>,
 }
 
-/// What a thread uses for every chunk.
+/// Memory that a thread reuses for every chunk.
 #[derive(Default)]
 struct Scratch {
     covers: Vec<Cover>,
     entries: Entries,
 }
 
-pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, BuildError> {
+pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, GridError> {
     options.check(mesh.len())?;
     let build = Build {
         mesh,
@@ -87,7 +87,7 @@ impl Build<'_> {
         let mut halvings = 0;
         loop {
             let slabs = Slabs::new(lattice.cells(), self.is_parallel);
-            // One cell has a reference to each triangle, and the limit is no less.
+            // Ends at one cell at the latest, with one reference per triangle: the limit is no less.
             if let Some(chunks) = self.chunks(&lattice, slabs, limit) {
                 let (offsets, refs) = self.enter(lattice.cells(), slabs, &chunks);
                 return Cells {
@@ -102,12 +102,11 @@ impl Build<'_> {
         }
     }
 
-    /// Finds the cells of all triangles; `None` if boxes meet more of them than `limit`, which is found out before memory is
-    /// taken for more.
+    /// Finds the cells of all triangles; `None` if boxes overlap more than `limit` cells in total. Counts before it allocates.
     fn chunks(&self, lattice: &Lattice, slabs: Slabs, limit: u64) -> Option<Vec<Chunk>> {
         let small = SmallBoxes::new(lattice.strides);
         let starts: Vec<usize> = (0..self.mesh.len()).step_by(CHUNK).collect();
-        // Whether the sum of all is beyond the limit does not depend on who adds first: it only grows, and the last one sees all.
+        // The sum only grows and the last thread sees all of it, so that the outcome does not depend on the order of additions.
         let cells = AtomicU64::new(0);
         let chunks =
             kd_tasks::map_in_place(starts, self.is_parallel, |scratch: &mut Scratch, start| {
@@ -126,7 +125,7 @@ impl Build<'_> {
         chunks.into_iter().collect()
     }
 
-    /// Finds what each triangle's box meets, and how many cells these are, of all boxes together.
+    /// Finds the cells that each triangle's box overlaps. Returns their number, summed over all boxes.
     #[allow(
         clippy::cast_possible_truncation,
         reason = "a mesh has fewer than 2^30 triangles, and cells are counted with 32 bits"
@@ -162,15 +161,15 @@ impl Build<'_> {
             if let Some(kind) = cover.small {
                 entries.add_all(cover.first, small.cells(kind), place);
             } else {
-                self.ask(lattice, triangles.start as u32 + place, |cell| {
+                self.find_in_large_box(lattice, triangles.start as u32 + place, |cell| {
                     entries.add(cell, place);
                 });
             }
         }
     }
 
-    /// Finds the cells of a triangle, which are no small box.
-    fn ask(&self, lattice: &Lattice, triangle: u32, enter: impl FnMut(usize)) {
+    /// Finds the cells of a triangle whose box is not small.
+    fn find_in_large_box(&self, lattice: &Lattice, triangle: u32, enter: impl FnMut(usize)) {
         let corners = self.mesh.corners(triangle);
         let range = lattice.range(corners);
         if self.overlap == Overlap::Exact && is_worth_a_test(&range) {
@@ -180,20 +179,20 @@ impl Build<'_> {
         }
     }
 
-    /// Sorts entries by cell: where the references of each begin, and all references.
+    /// Sorts entries by cell. Returns the start of each cell's references, and all references.
     #[allow(
         clippy::cast_possible_truncation,
         reason = "references are counted with 32 bits"
     )]
     fn enter(&self, cells: usize, slabs: Slabs, chunks: &[Chunk]) -> (Vec<u32>, Vec<u32>) {
-        // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
+        // Fresh zeroed pages: threads share the page faults.
         let mut offsets: Vec<u32> = bytemuck::zeroed_vec(cells + 1);
         let count = chunks.iter().map(Chunk::len).sum();
         let mut refs: Vec<u32> = bytemuck::zeroed_vec(count);
         let (mut begin, mut rest) = (0, refs.as_mut_slice());
-        // Each slab's offsets begin at its second cell's: a cell's place, while it is filled, is where the next one begins.
+        // Each slab's offsets start at its second cell's: the offset of a cell, once it is filled, is the start of the next cell.
         let own_offsets = offsets[1..].chunks_mut(slabs.size()).enumerate();
-        let parts = own_offsets.map(|(slab, offsets)| {
+        let slabs_to_fill = own_offsets.map(|(slab, offsets)| {
             let count: usize = chunks.iter().map(|chunk| chunk.of_slab(slab).len()).sum();
             let refs;
             (refs, rest) = std::mem::take(&mut rest).split_at_mut(count);
@@ -201,16 +200,17 @@ impl Build<'_> {
             begin += count as u32;
             (slab, offsets, refs, first)
         });
-        kd_tasks::map_in_place(parts.collect(), self.is_parallel, |(): &mut (), part| {
-            let (slab, offsets, refs, first) = part;
+        let slabs_to_fill = slabs_to_fill.collect();
+        kd_tasks::map_in_place(slabs_to_fill, self.is_parallel, |(): &mut (), slab| {
+            let (slab, offsets, refs, first) = slab;
             enter_slab(chunks, slab, offsets, refs, first);
         });
         (offsets, refs)
     }
 }
 
-/// Sorts the entries of a slab by cell: `refs` are its references, of which there are `first` before it; in `offsets` goes where
-/// those of each cell end.
+/// Sorts the entries of a slab by cell. Writes its references to `refs`, which `first` references precede, and the end of each
+/// cell's references to `offsets`.
 #[allow(
     clippy::cast_possible_truncation,
     reason = "a mesh has fewer than 2^30 triangles"

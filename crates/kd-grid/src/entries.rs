@@ -1,12 +1,12 @@
-//! Which triangles are in which cells, sorted by slabs of cells.
+//! Entries, pairs of a triangle and a cell, sorted by slabs of cells.
 
 use crate::small_boxes::CELLS;
 
-/// Triangles to a chunk.
+/// Triangles per chunk.
 pub(crate) const CHUNK: usize = 1 << CHUNK_POWER;
 const CHUNK_POWER: u32 = 10;
 
-/// Consecutive cells, as many in each slab as a power of two; the last one may have fewer.
+/// Ranges of consecutive cells. The size is a power of two; the last slab may have fewer cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slabs {
     power: u32,
@@ -14,20 +14,20 @@ pub(crate) struct Slabs {
 }
 
 impl Slabs {
-    /// Of these, and of a triangle of a chunk, 32 bits can tell which. Their offsets take 4 MiB.
+    /// 32 bits hold the index of a cell in the slab and of a triangle in a chunk. The offsets of a slab take 4 MiB.
     const LARGEST: u32 = 20;
-    /// With fewer cells, what is done for each slab would count.
+    /// With fewer cells, the overhead per slab would matter.
     const SMALLEST: u32 = 12;
 
-    /// As few as can be, or some for each thread, so that all have about as much to do.
+    /// One slab if possible, or several per thread to balance the load.
     pub(crate) fn new(cells: usize, is_parallel: bool) -> Self {
-        const SOME: usize = 8;
-        let parts = if is_parallel {
-            SOME * kd_tasks::threads()
+        const PER_THREAD: usize = 8;
+        let wanted = if is_parallel {
+            PER_THREAD * kd_tasks::threads()
         } else {
             1
         };
-        let power = cells.div_ceil(parts).next_power_of_two().ilog2();
+        let power = cells.div_ceil(wanted).next_power_of_two().ilog2();
         let power = power.clamp(Self::SMALLEST, Self::LARGEST);
         Self {
             power,
@@ -35,28 +35,28 @@ impl Slabs {
         }
     }
 
-    /// Cells of each.
+    /// Cells per slab.
     pub(crate) fn size(self) -> usize {
         1 << self.power
     }
 }
 
-/// A triangle's place in its chunk in the lowest bits, the number of a cell above.
+/// Index of a triangle in its chunk in the lowest bits, number of the cell above.
 type Wide = u64;
 
-/// A triangle's place in its chunk in the lowest bits, a cell's place in its slab above.
+/// Index of a triangle in its chunk in the lowest bits, index of a cell in its slab above.
 #[derive(Clone, Copy, Debug, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Entry(u32);
 
 impl Entry {
-    /// A cell of a slab.
+    /// Index of the cell in its slab.
     #[inline(always)]
     pub(crate) fn cell(self) -> usize {
         (self.0 >> CHUNK_POWER) as usize
     }
 
-    /// A triangle of a chunk.
+    /// Index of the triangle in its chunk.
     #[inline(always)]
     pub(crate) fn triangle(self) -> u32 {
         self.0 % (1 << CHUNK_POWER)
@@ -66,13 +66,13 @@ impl Entry {
 /// Entries of a chunk in the order of triangles.
 #[derive(Debug, Default)]
 pub(crate) struct Entries {
-    /// With room behind the last one.
+    /// Has spare length behind the last entry.
     list: Vec<Wide>,
     len: usize,
 }
 
 impl Entries {
-    /// Small boxes are written in pieces of so many.
+    /// Small boxes are written in pieces of this length.
     const PIECE: usize = CELLS / 2;
 
     pub(crate) fn clear(&mut self) {
@@ -87,7 +87,7 @@ impl Entries {
         self.len += 1;
     }
 
-    /// Enters a triangle in so many cells, told by how far they are from the first one.
+    /// Enters a triangle in the first `count` of `cells`, which are offsets from the cell `first`.
     #[inline(always)]
     pub(crate) fn add_all(
         &mut self,
@@ -98,7 +98,7 @@ impl Entries {
         self.make_room();
         let (places, _) = self.list[self.len..].as_chunks_mut::<{ Self::PIECE }>();
         let (cells, _) = cells.as_chunks::<{ Self::PIECE }>();
-        // As a rule one piece. What is written of it beyond the last cell, others overwrite.
+        // Usually one piece. Later entries overwrite what it writes beyond the last cell.
         for (places, cells) in places
             .iter_mut()
             .zip(cells)
@@ -111,7 +111,7 @@ impl Entries {
         self.len += count;
     }
 
-    /// Room for a small box.
+    /// Reserves the length of a small box.
     #[inline(always)]
     fn make_room(&mut self) {
         if self.list.len() < self.len + CELLS {
@@ -119,10 +119,10 @@ impl Entries {
         }
     }
 
-    /// Sorts them by slab; in a slab, they stay in the order of triangles.
+    /// Sorts entries by slab; within a slab they stay in the order of triangles.
     #[allow(
         clippy::cast_possible_truncation,
-        reason = "an entry is what is left of a wide one, and they are counted with 32 bits"
+        reason = "an entry is the low half of a wide one, and entries are counted in 32 bits"
     )]
     pub(crate) fn sorted_by(&self, slabs: Slabs) -> Chunk {
         let all = &self.list[..self.len];
@@ -134,8 +134,8 @@ impl Entries {
         }
         let shift = CHUNK_POWER + slabs.power;
         let slab_of = |entry: Wide| (entry >> shift) as usize;
-        // Four streams in turn, each with counters of its own: those that follow each other are mostly of one slab, and would
-        // wait for its counter to be written.
+        // Four interleaved streams with counters of their own: consecutive entries are mostly of one slab, and increments of one
+        // counter would wait for each other.
         let quarter = all.len() / STREAMS;
         let (streams, rest) = all.split_at(quarter * STREAMS);
         let (a, bcd) = streams.split_at(quarter);
@@ -181,17 +181,17 @@ const STREAMS: usize = 4;
 /// Entries of a chunk, sorted by slab.
 pub(crate) struct Chunk {
     entries: Vec<Entry>,
-    /// Where those of each slab end.
+    /// End of the entries of each slab.
     ends: Vec<u32>,
 }
 
 impl Chunk {
-    /// How many entries there are.
+    /// Number of entries.
     pub(crate) fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Those of a slab.
+    /// The entries of a slab.
     #[inline]
     pub(crate) fn of_slab(&self, slab: usize) -> &[Entry] {
         let begin = slab.checked_sub(1).map_or(0, |before| self.ends[before]);
@@ -203,10 +203,10 @@ impl Chunk {
 mod tests {
     use super::*;
 
-    /// Places of triangles may be as large as that.
+    /// Largest index of a triangle in a chunk.
     const MOST: u32 = (1 << CHUNK_POWER) - 1;
 
-    /// Cells, of some 40 000, in runs and out of order.
+    /// Entries of cells up to 40 000, in runs and out of order.
     fn some(count: u32) -> Entries {
         let mut entries = Entries::default();
         for i in 0..count {
@@ -216,14 +216,14 @@ mod tests {
     }
 
     /// All cells and triangles, in order.
-    fn told(entries: &Entries) -> Vec<(u64, u64)> {
+    fn pairs(entries: &Entries) -> Vec<(u64, u64)> {
         let all = entries.list[..entries.len].iter();
         all.map(|entry| (entry >> CHUNK_POWER, entry % CHUNK as Wide))
             .collect()
     }
 
     #[test]
-    fn slabs_have_their_entries_in_the_order_they_came() {
+    fn slabs_keep_the_order_of_entries() {
         for (power, count) in [(12, 10), (16, 1)] {
             let slabs = Slabs { power, count };
             for length in [0, 1, 2, 3, 4, 5, 7, 100, 1023] {
@@ -232,7 +232,7 @@ mod tests {
                 assert_eq!(chunk.len(), length as usize, "all");
                 for slab in 0..count {
                     let first = (slab << power) as u64;
-                    let mut own = told(&entries);
+                    let mut own = pairs(&entries);
                     own.retain(|(cell, _)| (first..first + (1 << power)).contains(cell));
                     let found = chunk.of_slab(slab).iter();
                     let found: Vec<(u64, u64)> = found
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_leave_what_was_there() {
+    fn small_boxes_keep_earlier_entries() {
         let mut entries = Entries::default();
         let cells = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
         let mut expected = Vec::new();
@@ -256,7 +256,7 @@ mod tests {
         }
         entries.add(5000, 3);
         expected.push((5000, 3));
-        assert_eq!(told(&entries), expected, "cell by cell");
+        assert_eq!(pairs(&entries), expected, "cell by cell");
     }
 
     #[test]

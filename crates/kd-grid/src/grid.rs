@@ -1,101 +1,91 @@
 //! A uniform grid and its queries.
 
+use std::sync::Arc;
+
 use kd_core::{Aabb, Hit, Mesh, Ray};
+use kd_trace::RayQuery;
 use kd_trace::kit::{Any, Closest, Ordered};
 
 use crate::build::{self, Cells};
 use crate::lattice::Lattice;
-use crate::options::{BuildError, GridOptions};
+use crate::options::{GridError, GridOptions};
 use crate::stats::GridStats;
 use crate::walk::walk;
 
-/// Space divided into equal cells, each with a list of the triangles in it.
+/// A box divided into equal cells, each with a list of the triangles in it.
 ///
-/// Quick to build, in time proportional to the number of triangles; slow for rays where some places are much denser than
-/// others ("a teapot in a stadium"). Every answer equals that of [`kd_trace::brute_force`] to the bit, and so that of a
-/// kd-tree.
+/// A grid is quick to build, in time proportional to the number of triangles, and slow for rays where density varies much ("a
+/// teapot in a stadium"). Every answer equals that of [`kd_trace::brute_force`] to the bit, and so that of a kd-tree.
 ///
-/// Memory: 4 bytes a cell and 4 bytes a reference. The mesh is not copied; every query takes it.
+/// Memory: 4 bytes a cell and 4 bytes a reference, beside the mesh, which the grid shares.
 #[derive(Clone, Debug)]
 pub struct UniformGrid {
+    mesh: Arc<Mesh>,
     cells: Cells,
-    triangles: u32,
 }
 
 impl UniformGrid {
     /// Builds a grid over a mesh.
     ///
-    /// Time is linear in the triangles, the cells and the references. For memory while it is
-    /// built, see [`GridOptions::with_max_refs`]; 4 bytes more are taken for each thousand triangles and slab of cells, of which
-    /// there are eight for each thread or one for each million cells.
+    /// Time is linear in triangles, cells and references. For memory during the build, see [`GridOptions::with_max_refs`]; in
+    /// addition it takes 4 bytes for each thousand triangles and slab of cells, with eight slabs for each thread or one for
+    /// each million cells.
     ///
     /// # Errors
     ///
-    /// [`BuildError`] names an option that makes no sense.
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "a mesh has fewer than 2^30 triangles"
-    )]
-    pub fn build(mesh: &Mesh, options: &GridOptions) -> Result<Self, BuildError> {
-        Ok(Self {
-            cells: build::build(mesh, options)?,
-            triangles: mesh.len() as u32,
-        })
+    /// [`GridError`] if an option is out of range or threads cannot be started.
+    pub fn build(mesh: impl Into<Arc<Mesh>>, options: &GridOptions) -> Result<Self, GridError> {
+        let mesh = mesh.into();
+        let cells = build::build(&mesh, options)?;
+        Ok(Self { mesh, cells })
+    }
+
+    /// The mesh that the grid is over.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
     }
 
     /// The closest hit with `t_min <= t <= t_max`, the lower triangle among equals, or `None`.
     ///
-    /// Takes time proportional to the cells on the way, of which there are up to the cube root of all, and to what is in
-    /// them. From more than 2²⁶ times the longest side of the grid away, every triangle is tested instead: nothing less is
-    /// sure there.
-    ///
-    /// # Panics
-    ///
-    /// If `mesh` is not the one that the grid was built from, and has fewer triangles.
-    pub fn intersect(&self, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
+    /// Time is proportional to the cells along the ray, up to about the cube root of all cells, and to their contents. A ray
+    /// from more than 2²⁶ times the longest side of the grid away is tested against every triangle: rounding leaves no bound on
+    /// its cells.
+    pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let mut closest = Closest::default();
-        // It never breaks: there may always be a nearer one.
-        let _ = walk(self, mesh, ray, &mut closest);
+        // `Closest` never breaks: a nearer hit is always possible.
+        let _ = walk(self, ray, &mut closest);
         closest.0
     }
 
-    /// Whether there is any hit: the same as `intersect(..).is_some()`, sooner.
-    ///
-    /// # Panics
-    ///
-    /// As [`intersect`](Self::intersect).
-    pub fn occluded(&self, mesh: &Mesh, ray: &Ray) -> bool {
-        walk(self, mesh, ray, &mut Any::default()).is_break()
+    /// Whether there is any hit: equal to `intersect(ray).is_some()`, and faster.
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        walk(self, ray, &mut Any::default()).is_break()
     }
 
-    /// The first `max` hits in `out`, which is cleared before: ordered by `t`, then by triangle, each triangle once.
-    ///
-    /// # Panics
-    ///
-    /// As [`intersect`](Self::intersect).
-    pub fn hits(&self, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+    /// The first `max` hits, ordered by `t`, then by triangle, each triangle once. Clears `out` first.
+    pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         out.clear();
         if max > 0 {
-            // It never breaks: there may always be a nearer one.
-            let _ = walk(self, mesh, ray, &mut Ordered { max, out });
+            // `Ordered` never breaks: a nearer hit is always possible.
+            let _ = walk(self, ray, &mut Ordered { max, out });
         }
     }
 
-    /// How many cells there are along each axis.
+    /// The number of cells along each axis.
     pub fn resolution(&self) -> [u32; 3] {
         self.cells.lattice.resolution
     }
 
-    /// The triangles of a cell, told by its place along each axis; in the order of their numbers.
+    /// The triangles of a cell, in ascending order. `cell` is its index along each axis.
     ///
     /// # Panics
     ///
-    /// If there is no such cell.
-    pub fn triangles_in(&self, place: [u32; 3]) -> &[u32] {
+    /// If an index is not below the [`resolution`](Self::resolution).
+    pub fn triangles_in(&self, cell: [u32; 3]) -> &[u32] {
         let resolution = self.resolution();
-        let exists = place.iter().zip(resolution).all(|(at, along)| *at < along);
-        assert!(exists, "cell {place:?} of {resolution:?}");
-        self.cell(self.lattice().number(place))
+        let exists = cell.iter().zip(resolution).all(|(at, along)| *at < along);
+        assert!(exists, "cell {cell:?} of {resolution:?}");
+        self.cell(self.lattice().number(cell))
     }
 
     /// The box around all triangles, which is divided into cells.
@@ -103,12 +93,16 @@ impl UniformGrid {
         self.lattice().bounds
     }
 
-    /// How many triangles the grid is over.
+    /// The number of triangles.
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "a mesh has fewer than 2^30 triangles"
+    )]
     pub fn triangles(&self) -> u32 {
-        self.triangles
+        self.mesh.len() as u32
     }
 
-    /// How cells are filled. Looks at every cell.
+    /// Statistics of the cells. Linear in the number of cells.
     pub fn stats(&self) -> GridStats {
         GridStats::of(self)
     }
@@ -130,16 +124,34 @@ impl UniformGrid {
         &self.cells.refs
     }
 
-    /// The triangles of a cell.
+    /// The triangles of the cell with a number.
     #[inline]
     pub(crate) fn cell(&self, number: usize) -> &[u32] {
         let offsets = &self.cells.offsets;
         &self.cells.refs[offsets[number] as usize..offsets[number + 1] as usize]
     }
 
-    /// How many references each cell has.
+    /// The number of references of each cell.
     pub(crate) fn counts(&self) -> impl Iterator<Item = u32> {
         let offsets = self.cells.offsets.as_slice();
         offsets.windows(2).map(|pair| pair[1] - pair[0])
+    }
+}
+
+impl RayQuery for UniformGrid {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.intersect(ray)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        self.hits(ray, max, out);
     }
 }

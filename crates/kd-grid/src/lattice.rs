@@ -1,41 +1,41 @@
-//! Where the cells of a grid lie.
+//! The geometry of the cells of a grid.
 
 use glam::{Vec3, Vec3A};
 use kd_core::Aabb;
 
-/// Most cells along an axis: places along it are kept in 16 bits.
+/// Largest number of cells along an axis: an index takes 16 bits.
 pub(crate) const MOST_ALONG: u32 = 1 << 16;
 
-/// How much larger triangles are taken than they are, on each side, over the longest side of the grid.
+/// Enlargement of triangles on each side, over the longest side of the grid.
 ///
-/// A reported hit stands for a point of its triangle within 2⁻²⁵ of the longest side W of the ray (as
-/// `kd_trace::kit::RayPlanes` has it), and a ray is in the cell that its walk says up to 2⁻²⁵ W more: see
-/// [`walk`](crate::walk). 2⁻²⁰ W covers both, and the rounding of what is computed here, many times over; it is a
-/// hundredth of a cell where there are ten thousand of them along an axis.
+/// A reported hit represents a point of its triangle within 2⁻²⁵ of the longest side W of the ray (see
+/// `kd_trace::kit::RayPlanes`), and a ray is in the cell of its walk up to 2⁻²⁵ W more (see [`walk`](crate::walk)). 2⁻²⁰ W covers
+/// both, and the rounding errors of this module, many times over. With ten thousand cells along an axis it is a hundredth of a
+/// cell.
 pub(crate) const PAD: f64 = 1.0 / (1 << 20) as f64;
 
 /// A box divided into equal cells.
 ///
-/// Cells are numbered along the axis of the fewest first, so that consecutive numbers make thin layers across the axis of the
-/// most.
+/// Cells are numbered along the axis of the fewest cells first, so that consecutive numbers form thin layers across the axis of
+/// the most cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lattice {
     pub(crate) bounds: Aabb,
-    /// How many cells there are along each axis.
+    /// Number of cells along each axis.
     pub(crate) resolution: [u32; 3],
-    /// How far cells that are neighbours along an axis are apart in number.
+    /// Difference of the numbers of neighbours along each axis.
     pub(crate) strides: [u32; 3],
-    /// Cells per unit; 0 along an axis that is not divided.
+    /// Cells per scene unit; 0 along an axis that is not divided.
     pub(crate) per_unit: [f64; 3],
     /// [`PAD`] in cells.
     pad: [f64; 3],
-    /// What triangles are placed with.
+    /// The same lattice for triangles.
     scaled: Scaled,
 }
 
 /// A lattice in f32, in units of a power of two near its longest side, so that nothing overflows or underflows.
 ///
-/// Three roundings make a coordinate err by less than 2⁻²² of the number of cells, a quarter of the pad.
+/// Three roundings give a coordinate an error of less than 2⁻²² of the number of cells, a quarter of the pad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Scaled {
     /// The power of two.
@@ -49,7 +49,7 @@ struct Scaled {
     last: Vec3A,
 }
 
-/// The cells that a triangle's box meets, the last ones included.
+/// The cells that a triangle's box overlaps, from the first to the last inclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
@@ -57,7 +57,7 @@ pub(crate) struct CellRange {
 }
 
 impl CellRange {
-    /// How many cells they are.
+    /// Number of cells.
     #[inline]
     pub(crate) fn count(&self) -> u64 {
         (0..3)
@@ -67,7 +67,7 @@ impl CellRange {
 }
 
 impl Lattice {
-    /// About `cells` cells, and not more, as near to cubes as can be.
+    /// At most `cells` cells, close to that number and as close to cubes as possible.
     pub(crate) fn new(bounds: Aabb, cells: f64) -> Self {
         let extent = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).to_array();
         Self::with_resolution(bounds, resolution(extent, cells))
@@ -114,7 +114,7 @@ impl Lattice {
             .product()
     }
 
-    /// The cells that a triangle's box meets, which lies within the bounds; a little enlarged.
+    /// The cells that a triangle's box, enlarged by the pad, overlaps. The triangle is within the bounds.
     #[inline(always)]
     pub(crate) fn range(&self, corners: [Vec3; 3]) -> CellRange {
         let [a, b, c] = corners.map(Vec3A::from);
@@ -131,7 +131,7 @@ impl Lattice {
         [0, 1, 2].map(|axis| (f64::from(point[axis]) - f64::from(min[axis])) * self.per_unit[axis])
     }
 
-    /// The cell of a coordinate along an axis; the first or the last one if it lies beyond.
+    /// Index of the cell of a coordinate along an axis, clamped to the first and the last cell.
     #[inline]
     #[allow(
         clippy::cast_possible_truncation,
@@ -150,7 +150,7 @@ impl Lattice {
         self.pad
     }
 
-    /// The number of a cell.
+    /// The number of the cell with these indices.
     #[inline]
     pub(crate) fn number(&self, place: [u32; 3]) -> usize {
         (0..3)
@@ -189,11 +189,11 @@ impl Scaled {
         }
     }
 
-    /// The cell of a point along each axis, moved by so many cells; the first or the last one if that is beyond them.
+    /// Indices of the cell of a point moved by `moved_by` cells, clamped to the first and the last cell.
     #[inline(always)]
     fn places(&self, point: Vec3A, moved_by: Vec3A) -> [u32; 3] {
-        // Adding 2²³ to a small number rounds it to a whole one, which is then found in the lowest bits: a conversion of
-        // eight lanes without a branch. What lies just at a border may come out on either side, which the pad allows for.
+        // Adding 2²³ to a small number rounds it to a whole number in the lowest bits: a branch-free conversion of all lanes. A
+        // point just at a border may round to either side, which the pad allows for.
         const WHOLE: f32 = (1 << 23) as f32;
         let coordinates = (point * self.scale - self.min) * self.per_unit + moved_by;
         let below = coordinates.max(Vec3A::ZERO).min(self.last + 0.5) - 0.5;
@@ -203,9 +203,9 @@ impl Scaled {
     }
 }
 
-/// Whole numbers of cells along sides of these lengths, whose product is at most `cells`.
+/// Numbers of cells along sides of these lengths, with a product of at most `cells`.
 ///
-/// Sides that are shorter than a cell are not divided, and the cells are given to the others: a flat scene has squares.
+/// Sides shorter than a cell are not divided, and the others get the cells: a flat scene has squares.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -213,7 +213,7 @@ impl Scaled {
 )]
 fn resolution(extent: [f64; 3], cells: f64) -> [u32; 3] {
     let mut divided: Vec<usize> = (0..3).filter(|axis| extent[*axis] > 0.0).collect();
-    // Short ones first, so that each is judged by what the ones left over would get.
+    // Short sides first: each is compared with the cells that the remaining sides would get.
     divided.sort_by(|a, b| extent[*a].total_cmp(&extent[*b]));
     let mut resolution = [1; 3];
     while !divided.is_empty() {
@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(
             lattice.resolution,
             [MOST_ALONG, 1, 1],
-            "what 16 bits can tell"
+            "the limit of 16 bits"
         );
         let last = lattice.range([Vec3::X; 3]);
         assert_eq!(last.last, [MOST_ALONG - 1, 0, 0], "the last cell");

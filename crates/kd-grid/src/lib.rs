@@ -1,4 +1,4 @@
-//! Uniform grids over triangles: quick to build, and with the same answers as every other structure here.
+//! Uniform grids over triangles: quick to build, with the same answers as every other structure here.
 //!
 //! ```
 //! use kd_core::{Mesh, Ray};
@@ -7,30 +7,29 @@
 //! // A unit square in the plane z = 2, as two triangles.
 //! let corners = vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
 //! let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]])?;
-//! let grid = UniformGrid::build(&mesh, &GridOptions::default())?;
+//! let grid = UniformGrid::build(mesh, &GridOptions::default())?;
 //!
 //! let ray = Ray::new([0.75, 0.25, 0.0], [0.0, 0.0, 1.0]);
-//! let hit = grid.intersect(&mesh, &ray).expect("straight ahead");
+//! let hit = grid.intersect(&ray).expect("straight ahead");
 //! assert_eq!((hit.triangle, hit.t), (0, 2.0));
-//! assert!(!grid.occluded(&mesh, &ray.with_range(0.0, 1.5)));
+//! assert!(!grid.occluded(&ray.with_range(0.0, 1.5)));
 //! println!("{}", grid.stats());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # When
+//! # When to use a grid
 //!
-//! Where there are few rays: a grid is there long before a hierarchy, and each ray takes longer (Hapala, Karlík and Havran,
-//! *When It Makes Sense to Use Uniform Grids for Ray Tracing*, 2011). Where triangles are spread evenly, it may answer as
-//! fast. [`GridStats`] tells how evenly.
+//! A grid suits few rays: its build is much faster than that of a hierarchy, and each ray is slower (Hapala, Karlík and Havran,
+//! *When It Makes Sense to Use Uniform Grids for Ray Tracing*, 2011). Over evenly distributed triangles its rays may be as fast.
+//! [`GridStats`] measures the distribution.
 //!
-//! # What holds for every grid
+//! # Guarantees of every grid
 //!
-//! - Every hit that testing all triangles finds is found, to the bit, whatever the ray: triangles are entered in cells
-//!   with a margin that covers every rounding on a ray's way.
-//! - The same mesh and options give the same bytes, whatever the number of threads.
-//! - Time and memory are bounded, whatever the triangles: see [`GridOptions::with_max_cells`] and
-//!   [`GridOptions::with_max_refs`].
-//! - Empty meshes, flat ones, single points and triangles of zero area are valid.
+//! - Every query equals [`kd_trace::brute_force`] bit for bit, for every ray: triangles are entered in cells with a margin that
+//!   covers all rounding errors of the traversal.
+//! - The same mesh and options give the same bytes, at any number of threads.
+//! - Time and memory are bounded for every mesh: see [`GridOptions::with_max_cells`] and [`GridOptions::with_max_refs`].
+//! - Empty meshes, flat meshes, single points and triangles of zero area are valid.
 #![deny(unsafe_code)]
 
 mod build;
@@ -45,6 +44,5 @@ mod stats;
 mod walk;
 
 pub use grid::UniformGrid;
-pub use kd_tasks::ThreadsError;
-pub use options::{BuildError, GridOptions, Overlap};
+pub use options::{GridError, GridOptions, Overlap};
 pub use stats::GridStats;

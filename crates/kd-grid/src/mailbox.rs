@@ -1,10 +1,10 @@
-//! Not testing a triangle again that lies in several cells.
+//! Avoids tests of a triangle that several cells hold.
 
-/// The triangles that a ray was tested against lately.
+/// The triangles that a ray was tested against last.
 ///
-/// Instead of a mark on each triangle, which threads would have to share, a ray keeps a few numbers (inverse mailboxes;
-/// M. Shevtsov, A. Soupikov, A. Kapustin, *Ray-Triangle Intersection Algorithm for Modern CPU Architectures*, 2007). One that
-/// is forgotten is tested again, which does no harm.
+/// Instead of a mark on each triangle, which threads would share, a ray keeps a few numbers (inverse mailboxes; M. Shevtsov,
+/// A. Soupikov, A. Kapustin, *Ray-Triangle Intersection Algorithm for Modern CPU Architectures*, 2007). A forgotten triangle is
+/// tested again, with the same result.
 pub(crate) struct Mailbox([u32; PLACES]);
 
 const PLACES: usize = 16;
@@ -14,7 +14,7 @@ impl Mailbox {
         Self([u32::MAX; PLACES])
     }
 
-    /// Whether the triangle is not among those that are remembered. Now it is.
+    /// Remembers a triangle. Returns whether it was not remembered before.
     #[inline]
     pub(crate) fn is_new(&mut self, triangle: u32) -> bool {
         let place = &mut self.0[triangle as usize % PLACES];

@@ -1,22 +1,23 @@
-//! What a user can ask of a grid.
+//! Options of a grid.
 
 use kd_tasks::ThreadsError;
 use thiserror::Error;
 
-/// Which cells a triangle is entered in.
+/// The cells that a triangle is entered in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Overlap {
-    /// All that its box meets: quickest to find, and right for triangles that are smaller than a cell.
+    /// All cells that its box overlaps: the fastest test, suitable for triangles smaller than a cell.
     Box,
-    /// Those among them that the triangle itself meets. Triangles whose boxes meet fewer than 16 cells, or a row of them, are
-    /// entered as by [`Box`](Self::Box), since little is to be won there.
+    /// The cells among them that the triangle itself overlaps. Triangles whose boxes overlap fewer than 16 cells, or one row of
+    /// cells, are entered as by [`Box`](Self::Box): an exact test would not pay.
     Exact,
 }
 
 /// Options of a grid.
 ///
-/// The grid depends on the mesh and on the options except [`with_threads`](Self::with_threads), bit for bit.
+/// The build checks options and names the one that is out of range. The grid depends on the mesh and on all options but
+/// [`with_threads`](Self::with_threads), bit for bit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridOptions {
     pub(crate) density: f32,
@@ -26,20 +27,20 @@ pub struct GridOptions {
     pub(crate) threads: usize,
 }
 
-/// No grid has more cells, and none more references: both are counted with 32 bits.
+/// Upper limit of cells and of references: both are counted in 32 bits.
 pub(crate) const MOST: u64 = u32::MAX as u64;
 
-/// References that there may be for each triangle, unless [`GridOptions::with_max_refs`] says otherwise.
+/// Default limit of references per triangle.
 const REFS_EACH: u64 = 32;
-/// And so many besides, so that few large triangles may fill their grid.
+/// References in addition to that limit, so that a few large triangles may fill their grid.
 const REFS_BESIDES: u64 = 1 << 16;
 
 impl GridOptions {
-    /// Two cells for each triangle.
+    /// Two cells per triangle, exact overlap, and the thread pool in scope.
     pub const fn new() -> Self {
         Self {
-            // From 1 to 16, rays take about as long on a scan and in a room, within noise, and each doubling takes 1.2 to 1.4 times
-            // as long to build. (From a throw-away program, 2026-11-28.)
+            // From 1 to 16, the time of rays is the same within noise, on a scan and in a room, and each doubling makes the build
+            // 1.2 to 1.4 times slower. (From a throw-away program, 2026-11-28.)
             density: 2.0,
             overlap: Overlap::Exact,
             max_cells: 1 << 28,
@@ -48,51 +49,74 @@ impl GridOptions {
         }
     }
 
-    /// How many cells there are for each triangle, positive and finite: the number of cells is proportional to that of
-    /// triangles (Cleary and Wyvill 1988). Cells are as near to cubes as whole numbers of them allow, so there are a little
-    /// fewer.
+    /// The number of cells per triangle, positive and finite: the number of cells is proportional to that of triangles (Cleary
+    /// and Wyvill 1988). Cells are as close to cubes as whole numbers of them allow, so that the grid has slightly fewer.
     #[must_use]
     pub const fn with_density(mut self, cells_per_triangle: f32) -> Self {
         self.density = cells_per_triangle;
         self
     }
 
-    /// Which cells a triangle is entered in.
+    /// The cells that a triangle is entered in.
     #[must_use]
     pub const fn with_overlap(mut self, overlap: Overlap) -> Self {
         self.overlap = overlap;
         self
     }
 
-    /// The most cells, from 1 to 2³² − 1. A cell takes 4 bytes. Without it, 2²⁸.
+    /// The largest number of cells, from 1 to 2³² − 1. A cell takes 4 bytes. The default is 2²⁸.
     #[must_use]
     pub const fn with_max_cells(mut self, max_cells: u64) -> Self {
         self.max_cells = max_cells;
         self
     }
 
-    /// The most references, from one per triangle to 2³² − 1: a triangle has one in each cell that its box meets. A grid
-    /// that would have more is made of cells twice as long, until it has not, so that time and memory are bounded whatever
-    /// the triangles; [`GridStats::halvings`](crate::GridStats::halvings) tells. Without it, 32 per triangle and 65 536
-    /// besides. A reference takes 4 bytes, 8 while the grid is built, and for each thread those of a thousand triangles up to
-    /// 24.
+    /// The largest number of references, from one per triangle to 2³² − 1. A triangle has one reference in each cell that its box
+    /// overlaps. The build doubles the length of cells until the limit holds, so that time and memory are bounded for every mesh;
+    /// [`GridStats::halvings`](crate::GridStats::halvings) counts the doublings. The default is 32 per triangle plus 65 536. A
+    /// reference takes 4 bytes, 8 during the build, and, for a thousand triangles per thread, up to 24.
     #[must_use]
     pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
         self.max_refs = Some(max_refs);
         self
     }
 
-    /// How many threads build: 1 builds on the calling thread, 0 uses the thread pool in scope (by default as many as there
-    /// are cores). Without feature `parallel` it is always one, and for up to 32 768 triangles, which are done before another one is
-    /// awake. The grid does not depend on it.
+    /// The number of threads that build: 1 builds on the calling thread, 0 uses the thread pool in scope (by default, one thread
+    /// per core). Without the feature `parallel`, and for up to 32 768 triangles, which take less time than waking a thread, one
+    /// thread builds. The grid does not depend on it.
     #[must_use]
     pub const fn with_threads(mut self, threads: usize) -> Self {
         self.threads = threads;
         self
     }
 
-    pub(crate) fn check(&self, triangles: usize) -> Result<(), BuildError> {
-        let invalid = |name, rule| Err(BuildError::InvalidOption { name, rule });
+    /// See [`with_density`](Self::with_density).
+    pub const fn density(&self) -> f32 {
+        self.density
+    }
+
+    /// See [`with_overlap`](Self::with_overlap).
+    pub const fn overlap(&self) -> Overlap {
+        self.overlap
+    }
+
+    /// See [`with_max_cells`](Self::with_max_cells).
+    pub const fn max_cells(&self) -> u64 {
+        self.max_cells
+    }
+
+    /// See [`with_max_refs`](Self::with_max_refs); `None` for the default.
+    pub const fn max_refs(&self) -> Option<u64> {
+        self.max_refs
+    }
+
+    /// See [`with_threads`](Self::with_threads).
+    pub const fn threads(&self) -> usize {
+        self.threads
+    }
+
+    pub(crate) fn check(&self, triangles: usize) -> Result<(), GridError> {
+        let invalid = |name, rule| Err(GridError::InvalidOption { name, rule });
         if !(self.density > 0.0 && self.density.is_finite()) {
             return invalid("density", "positive and finite");
         }
@@ -106,7 +130,7 @@ impl GridOptions {
         Ok(())
     }
 
-    /// The limit of references for so many triangles.
+    /// The limit of references for a number of triangles.
     pub(crate) fn refs_limit(&self, triangles: usize) -> u64 {
         let usual = REFS_EACH * triangles as u64 + REFS_BESIDES;
         self.max_refs.unwrap_or(usual.min(MOST))
@@ -120,19 +144,19 @@ impl Default for GridOptions {
     }
 }
 
-/// Why there is no grid.
+/// Why a grid was not built.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
-pub enum BuildError {
-    /// An option has a value that makes no sense.
+pub enum GridError {
+    /// An option is out of range.
     #[error("option `{name}` must be {rule}")]
     InvalidOption {
         /// The option.
         name: &'static str,
-        /// What it must be.
+        /// The range.
         rule: &'static str,
     },
-    /// The threads asked for could not be started.
+    /// The threads could not be started.
     #[error(transparent)]
     Threads(#[from] ThreadsError),
 }
@@ -142,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wrong_options_are_named() {
+    fn options_out_of_range_are_named() {
         let options = GridOptions::new;
         let rows = [
             (
@@ -186,17 +210,17 @@ mod tests {
         assert_eq!(
             GridOptions::new().refs_limit(10),
             320 + (1 << 16),
-            "32 each and some"
+            "32 each and 65 536"
         );
         assert_eq!(
             GridOptions::new().refs_limit(1 << 29),
             MOST,
-            "as far as 32 bits count"
+            "the limit of 32 bits"
         );
         assert_eq!(
             GridOptions::new().with_max_refs(77).refs_limit(10),
             77,
-            "as asked for"
+            "the option"
         );
     }
 }

@@ -1,8 +1,8 @@
-//! Which cells a triangle meets.
+//! The exact overlap of triangles and cells.
 //!
-//! After M. Schwarz and H.-P. Seidel, *Fast Parallel Surface and Solid Voxelization on GPUs*, 2010: a box meets a triangle if
-//! it meets its plane and, seen along each axis, is on the inner side of each edge. Each of these is a half-space for the
-//! lowest corner of the box, so that a row of cells is asked at once: each half-space cuts off one end of it.
+//! After M. Schwarz and H.-P. Seidel, *Fast Parallel Surface and Solid Voxelization on GPUs*, 2010: a box overlaps a triangle if
+//! it overlaps its plane and, projected along each axis, is on the inner side of each edge. Each condition is a half-space for
+//! the lowest corner of the box, so that a row of cells is tested at once: each half-space cuts off one end of the row.
 
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
@@ -10,32 +10,32 @@ use smallvec::SmallVec;
 use crate::lattice::{CellRange, Lattice};
 use crate::small_boxes::CELLS as SMALL_BOX;
 
-/// Two sides of the plane, three edges seen along each of three axes.
+/// Two sides of the plane, and three edges projected along each of three axes.
 const HALF_SPACES: usize = 11;
 
-/// Normals below this fraction of the squared length of edges are not used: with f64 they may point anywhere.
+/// Normals below this fraction of the squared length of edges are not used: in f64 their direction is rounding error.
 ///
-/// Coordinates err by 2⁻⁵² of the number of cells r along the longest axis, so with edges of length L (in cells) a half-space
-/// of a normal n is off by some 2⁻⁵² r L² at a point of the triangle; cells are enlarged by [`PAD`](crate::lattice::PAD) r,
-/// which moves it by |n| 2⁻²⁰ r. With |n| ≥ 2⁻²⁸ L² that is sixteen times as much.
+/// Coordinates have an error of 2⁻⁵² of the number of cells r along the longest axis, so that with edges of length L (in cells) a
+/// half-space of a normal n is off by about 2⁻⁵² r L² at a point of the triangle. Cells are enlarged by
+/// [`PAD`](crate::lattice::PAD) r, which moves the half-space by |n| 2⁻²⁰ r. With |n| ≥ 2⁻²⁸ L² that is sixteen times as much.
 const LEAST_NORMAL: f64 = 1.0 / (1 << 28) as f64;
 
-/// Rows along which a half-space changes by less than this fraction of its largest slope are taken to be parallel to it: over
-/// 2¹⁶ cells that moves it by no more than a sixteenth of the pad.
+/// A half-space with a slope along the row below this fraction of its largest slope counts as parallel to the row: over 2¹⁶ cells
+/// that moves it by at most a sixteenth of the pad.
 const PARALLEL: f64 = 1.0 / (1_u64 << 40) as f64;
 
-/// Rows of cells, of each of which a triangle meets one stretch, or nothing.
+/// Rows of cells. A triangle overlaps one stretch of each row, or none of it.
 #[derive(Debug, Default)]
 struct Rows {
-    /// A stretch begins at or after each of these,
+    /// A stretch begins at or after each of these.
     begins: SmallVec<[Linear; HALF_SPACES]>,
-    /// and ends at or before each of these.
+    /// A stretch ends at or before each of these.
     ends: SmallVec<[Linear; HALF_SPACES]>,
-    /// Where one of these is negative, there is none.
+    /// A row where one of these is negative has no stretch.
     parallel: SmallVec<[Linear; HALF_SPACES]>,
 }
 
-/// A number for each row, by its place across the two other axes.
+/// A linear function of a row's indices on the two other axes.
 #[derive(Clone, Copy, Debug)]
 struct Linear {
     at_zero: f64,
@@ -49,7 +49,7 @@ struct HalfSpace {
 }
 
 impl Rows {
-    /// Those of a triangle along an axis.
+    /// The rows along an axis, for a triangle.
     fn new(lattice: &Lattice, corners: [Vec3; 3], along: usize) -> Self {
         let corners = corners.map(|corner| DVec3::from_array(lattice.coordinates(corner)));
         let edges = [0, 1, 2].map(|i| corners[(i + 1) % 3] - corners[i]);
@@ -62,7 +62,7 @@ impl Rows {
             rows.cut(&HalfSpace::reaching(-normal, corners[0], pad), along);
         }
         for axis in 0..3 {
-            // Seen along an axis, a triangle may be no more than a line: then its plane is seen edge-on, and told above.
+            // A triangle may project to a line along an axis: then the plane, tested above, is edge-on.
             if normal[axis].abs() <= least {
                 continue;
             }
@@ -75,7 +75,7 @@ impl Rows {
         rows
     }
 
-    /// Leaves what is in the half-space.
+    /// Intersects stretches with a half-space.
     fn cut(&mut self, HalfSpace { a, c }: &HalfSpace, along: usize) {
         let slope = a[along];
         let across = [a[(along + 1) % 3], a[(along + 2) % 3]];
@@ -99,7 +99,7 @@ impl Rows {
         }
     }
 
-    /// The first and the last cell of a row that are met, of those from `first` to `last`.
+    /// The first and the last overlapped cell of a row, from `first` to `last`.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -110,7 +110,7 @@ impl Rows {
         if self.parallel.iter().any(|side| side.at(place) < 0.0) {
             return None;
         }
-        // Not `max` and `min`, which look for NaN: these are one instruction each.
+        // Not `max` and `min`, which handle NaN: these are one instruction each.
         let larger = |a: f64, b: f64| if a > b { a } else { b };
         let smaller = |a: f64, b: f64| if a < b { a } else { b };
         let begins = self.begins.iter().map(|begin| begin.at(place));
@@ -135,9 +135,9 @@ impl Linear {
 }
 
 impl HalfSpace {
-    /// That of all cells that have a point, or have one within `pad`, on the side of `point` to which `normal` points.
+    /// The half-space of all cells that have a point within `pad` of the side of `point` to which `normal` points.
     fn reaching(normal: DVec3, point: DVec3, pad: DVec3) -> Self {
-        // The corner of a cell that lies furthest along the normal, from its lowest one.
+        // The corner of a cell furthest along the normal, relative to its lowest corner.
         let furthest = DVec3::select(normal.cmpgt(DVec3::ZERO), DVec3::ONE + pad, -pad);
         Self {
             a: normal.to_array(),
@@ -160,15 +160,14 @@ pub(crate) fn for_each_cell(lattice: &Lattice, range: &CellRange, mut enter: imp
     }
 }
 
-/// Whether there is something to be left out: several cells in two directions, and enough of them that the test takes less
-/// than what it saves.
+/// Whether the exact test can exclude cells (several in two directions) and saves more time than it takes.
 #[inline]
 pub(crate) fn is_worth_a_test(range: &CellRange) -> bool {
     let directions = (0..3).filter(|&axis| range.first[axis] < range.last[axis]);
     range.count() >= SMALL_BOX as u64 && directions.count() >= 2
 }
 
-/// Calls `enter` with the number of each cell of a range that the triangle meets: row by row, along the axis of the longest
+/// Calls `enter` with the number of each cell of a range that the triangle overlaps, row by row along the axis of the longest
 /// rows.
 pub(crate) fn for_each_cell_met(
     lattice: &Lattice,

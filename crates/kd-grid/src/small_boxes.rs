@@ -1,23 +1,23 @@
-//! Boxes of few cells, which most triangles have.
+//! Boxes of few cells, the common case.
 
 use crate::lattice::CellRange;
 
-/// Along each axis a small box has no more cells than this.
+/// Largest number of cells of a small box along each axis.
 const ALONG: u32 = 4;
-/// All in all it has fewer than this: an exact test of so few would not pay
+/// A small box has fewer cells in total: an exact test would not pay
 /// (see [`is_worth_a_test`](crate::overlap::is_worth_a_test)).
 pub(crate) const CELLS: usize = 16;
 const KINDS: usize = (ALONG * ALONG * ALONG) as usize;
 
-/// The cells of every kind of small box, so that finding them takes no loop whose end a processor would have to guess.
+/// The cells of every kind of small box: a table in place of loops with unpredictable ends.
 pub(crate) struct SmallBoxes {
-    /// How far each cell is from the first one.
+    /// Offset of each cell from the first one.
     cells: [[u32; CELLS]; KINDS],
     counts: [u8; KINDS],
 }
 
 impl SmallBoxes {
-    /// In a lattice of such strides.
+    /// For a lattice of these strides.
     #[allow(
         clippy::cast_possible_truncation,
         reason = "at most 64 kinds, of at most 64 cells"
@@ -31,7 +31,7 @@ impl SmallBoxes {
             let along = |axis: usize| (0..=more[axis]).map(move |at| at * strides[axis]);
             let all = along(2).flat_map(|z| along(1).map(move |y| y + z));
             let all = all.flat_map(|row| along(0).map(move |x| x + row));
-            // Kinds of more cells are never asked for.
+            // Kinds of more cells are never used.
             for (cell, from_first) in cells.iter_mut().zip(all) {
                 *cell = from_first;
             }
@@ -48,7 +48,7 @@ impl SmallBoxes {
         is_small.then_some((x + ALONG * (y + ALONG * z)) as u8)
     }
 
-    /// How far its cells are from the first one, with others behind them; and how many they are.
+    /// Offsets of its cells from the first one, and their number. Entries behind them are unused.
     #[inline(always)]
     pub(crate) fn cells(&self, kind: u8) -> (&[u32; CELLS], usize) {
         let kind = usize::from(kind) % KINDS;
@@ -79,7 +79,7 @@ mod tests {
             kinds += 1;
             assert!(!is_worth_a_test(&range), "no test is left out: {last:?}");
             let (cells, count) = boxes.cells(kind);
-            // Digits of the number are the place.
+            // The digits of a number are the indices.
             let mut own: Vec<u32> = (0..=last[0] + 10 * last[1] + 100 * last[2]).collect();
             own.retain(|cell| {
                 let place = [cell % 10, cell / 10 % 10, cell / 100];

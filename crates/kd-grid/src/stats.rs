@@ -1,19 +1,19 @@
-//! How the cells of a grid are filled, as numbers with one text form.
+//! Statistics of the cells of a grid.
 
 use std::fmt;
 
 use crate::grid::UniformGrid;
 
-/// How the cells of a grid are filled: the statistics by which Havran, Přikryl and Purgathofer (2000) compare scenes, as
-/// Hapala, Karlík and Havran (2011, equations 1 to 6) write them, over the numbers of references of all cells.
+/// Statistics of the numbers of references in cells: those by which Havran, Přikryl and Purgathofer (2000) compare scenes, in the
+/// form of Hapala, Karlík and Havran (2011, equations 1 to 6).
 ///
-/// Its `Display` is the one text form.
+/// `Display` is the text form of reports and snapshots.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct GridStats {
-    /// Triangles the grid is over.
+    /// Triangles of the mesh.
     pub triangles: usize,
-    /// Of these, triangles of zero area, if known: the mesh knows, a grid alone does not.
+    /// Triangles of zero area among them, if counted: see [`with_zero_area`](Self::with_zero_area).
     pub zero_area: Option<usize>,
     /// Cells along each axis.
     pub resolution: [u32; 3],
@@ -23,18 +23,17 @@ pub struct GridStats {
     pub empty_cells: usize,
     /// References in all cells; a triangle in several cells counts several times.
     pub references: usize,
-    /// The most references in a cell (equation 2).
+    /// Largest number of references in a cell (equation 2).
     pub max_refs: u32,
     /// References per cell (equation 3).
     pub mean: f64,
-    /// Their variance (equation 4); 0 for a single cell.
+    /// Variance of references per cell (equation 4); 0 for a single cell.
     pub variance: f64,
-    /// How lopsided they are (equation 5); 0 where all cells have the same number.
+    /// Skewness of references per cell (equation 5); 0 if all cells have the same number.
     pub skewness: f64,
-    /// How peaked they are beside a normal distribution, whose kurtosis is 0 here (equation 6); 0 where all cells have the
-    /// same number.
+    /// Excess kurtosis of references per cell (equation 6), 0 for a normal distribution; 0 if all cells have the same number.
     pub kurtosis: f64,
-    /// How often cells were made twice as long so that there were not too many references: see
+    /// Number of times that the resolution was halved for the limit of references: see
     /// [`with_max_refs`](crate::GridOptions::with_max_refs).
     pub halvings: u32,
     /// Bytes of cells and references.
@@ -48,7 +47,7 @@ impl GridStats {
         let count = cells as f64;
         let mean = references as f64 / count;
         let (mut empty_cells, mut max_refs) = (0, 0);
-        // Sums of powers of what each cell has more than the mean.
+        // Sums of powers of the differences from the mean.
         let [mut squares, mut cubes, mut fourths] = [0.0; 3];
         for refs in grid.counts() {
             empty_cells += usize::from(refs == 0);
@@ -88,20 +87,21 @@ impl GridStats {
         }
     }
 
-    /// The same statistics with the mesh's count of zero-area triangles filled in.
+    /// The same statistics with the count of triangles of zero area, from
+    /// [`Mesh::zero_area_count`](kd_core::Mesh::zero_area_count), which is linear in the number of triangles.
     #[must_use]
     pub fn with_zero_area(mut self, zero_area: usize) -> Self {
         self.zero_area = Some(zero_area);
         self
     }
 
-    /// Which part of the cells is empty (equation 1, which prints N for the number of cells).
+    /// The share of empty cells (equation 1, which prints N for the number of cells).
     pub fn sparseness(&self) -> f64 {
         self.empty_cells as f64 / self.cells as f64
     }
 
-    /// How much cells differ in references: the square root of the [`variance`](Self::variance). Below about 2, a grid is
-    /// the better structure however many rays there are (Hapala et al. 2011, section 3, of the figures of Havran et al.).
+    /// The square root of the [`variance`](Self::variance). Below about 2, a grid is the better structure for any number of rays
+    /// (Hapala et al. 2011, section 3, on the figures of Havran et al.).
     pub fn standard_deviation(&self) -> f64 {
         self.variance.sqrt()
     }

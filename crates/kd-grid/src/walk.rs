@@ -1,25 +1,23 @@
-//! The way of a ray through the cells of a grid.
+//! The traversal of a ray through the cells of a grid.
 //!
-//! From cell to cell along whichever axis the next border is nearest on, as A. Fujimoto, T. Tanaka and K. Iwata, *ARTS:
-//! Accelerated Ray-Tracing System*, 1986; in the form of J. Amanatides and A. Woo, *A Fast Voxel Traversal Algorithm for Ray
-//! Tracing*, 1987.
+//! Each step crosses the nearest next border (A. Fujimoto, T. Tanaka and K. Iwata, *ARTS: Accelerated Ray-Tracing System*, 1986;
+//! in the form of J. Amanatides and A. Woo, *A Fast Voxel Traversal Algorithm for Ray Tracing*, 1987).
 //!
-//! # Nothing is lost
+//! # No hit is lost
 //!
-//! Let W be the longest side of the grid, R the largest component of (a point of the grid − origin). A reported hit stands for
-//! a point P of its triangle within 2⁻²⁵ W + 2⁻⁴⁹ R of the ray, at a `t` that is rounded to f32 (see
-//! [`RayPlanes`](kd_trace::kit::RayPlanes)). A walk begins at a point of the ray where it enters the grid, or at its `t_min`,
-//! computed in f64, which errs by some 2⁻⁵² R, and measures from there. Along each axis it knows how far the next border is by
-//! adding the same step up to 2¹⁶ times, which errs by up to 2⁻³⁵ W in place. The order in which borders of different axes are
-//! passed may be wrong by that, but each axis is right by itself: wherever the ray is, it is within that distance of the cell
-//! that the walk is in.
+//! Let W be the longest side of the grid, R the largest component of (a point of the grid − origin). A reported hit represents a
+//! point P of its triangle within 2⁻²⁵ W + 2⁻⁴⁹ R of the ray, at a `t` that is rounded to f32 (see
+//! [`RayPlanes`](kd_trace::kit::RayPlanes)). A walk begins at the point where the ray enters the grid, or at its `t_min`, computed
+//! in f64 with an error of about 2⁻⁵² R, and measures distances from there. Along each axis it computes the distance of the next
+//! border by adding the same step up to 2¹⁶ times, with a position error of up to 2⁻³⁵ W. The order of crossings of different axes
+//! may be wrong by that error, but each axis alone is right: the ray is always within that distance of the cell of the walk.
 //!
-//! Triangles are entered in all cells within 2⁻²⁰ W of their boxes. With R ≤ 2²⁶ W all of the above together are less than
-//! 2⁻²² W. From further away, every triangle is tested.
+//! Triangles are entered in all cells within 2⁻²⁰ W of their boxes. With R ≤ 2²⁶ W all of the errors add up to less than 2⁻²² W.
+//! From further away, every triangle is tested.
 //!
-//! At the faces of the grid, P may lie in it where the ray does not, so the ray is followed through the box enlarged by the same
-//! 2⁻²⁰ W. And along a ray that is nearly in a face, an error of 2⁻³⁵ W in place may be any distance: where it seems to leave
-//! the grid, the walk stays in the last layer until it has left that box.
+//! At the faces of the grid, P may be inside where the ray is outside, so the walk follows the ray through the box enlarged by
+//! 2⁻²⁰ W. Along a ray that is nearly in a face, a position error of 2⁻³⁵ W may be any distance in `t`: where the ray seems to
+//! leave the grid, the walk stays in the last layer until the ray has left the enlarged box.
 
 use std::ops::ControlFlow;
 
@@ -30,21 +28,21 @@ use crate::grid::UniformGrid;
 use crate::lattice::PAD;
 use crate::mailbox::Mailbox;
 
-/// Rays that begin further away than so many of the longest side are not walked.
+/// Rays from more than this number of longest sides away are tested against every triangle.
 const MOST_SIDES: f64 = (1_u64 << 26) as f64;
-/// Of a `t`, more than what rounding it to f32 can move it.
+/// Relative to `t`: more than the error of rounding to f32.
 const ROUNDING: f64 = 1.0 / (1 << 22) as f64;
 
-/// Gives the collector every hit of the ray that it may want, some of them more than once, cell by cell.
+/// Passes every hit of the ray that the collector may want to it, cell by cell, some of them more than once.
 pub(crate) fn walk<C: Collect>(
     grid: &UniformGrid,
-    mesh: &Mesh,
     ray: &Ray,
     collector: &mut C,
 ) -> ControlFlow<()> {
     if grid.refs().is_empty() || !ray.can_hit() {
         return ControlFlow::Continue(());
     }
+    let mesh: &Mesh = grid.mesh();
     let bounds = &grid.lattice().bounds;
     let far = (bounds.min - ray.origin)
         .abs()
@@ -78,31 +76,31 @@ pub(crate) fn walk<C: Collect>(
     }
 }
 
-/// A little after `t`: nothing that is rounded to it, or before it, is later.
+/// A little after `t`: no number that rounds to `t` or less is later.
 fn later(t: f32) -> f64 {
     let t = f64::from(t);
     t + t.abs() * ROUNDING + f64::from(f32::MIN_POSITIVE)
 }
 
-/// Where a ray is on its way. Distances are differences of `t`, from where it begins.
+/// The state of a walk. Distances are differences of `t` from its begin.
 struct Way {
-    /// The `t` where it begins.
+    /// The `t` of the begin.
     begin: f64,
     cell: usize,
-    /// How far it is to the next border of each axis; infinite if there is none.
+    /// Distance of the next border of each axis; infinite if there is none.
     next: [f64; 3],
-    /// From border to border.
+    /// Distance from border to border.
     step: [f64; 3],
-    /// From a cell to the next one, in numbers; negative ones wrap around.
+    /// Difference of cell numbers from a cell to the next; negative ones wrap around.
     stride: [usize; 3],
-    /// How many more cells there are.
+    /// Number of further cells along each axis.
     left: [u32; 3],
-    /// How far it is to where the ray leaves the grid, or ends.
+    /// Distance of the point where the ray leaves the grid or ends.
     end: f64,
 }
 
 impl Way {
-    /// `None` if the ray does not come within `pad` of the grid.
+    /// `None` if the ray passes the grid at more than `pad`.
     fn new(grid: &UniformGrid, ray: &Ray, pad: f64) -> Option<Self> {
         let lattice = grid.lattice();
         let (min, max) = (lattice.bounds.min.as_dvec3(), lattice.bounds.max.as_dvec3());
@@ -161,13 +159,13 @@ impl Way {
         Some(way)
     }
 
-    /// Nothing beyond this `t` is of interest any more.
+    /// Hits beyond `t` are not wanted any more.
     #[inline(always)]
     fn end_at(&mut self, t: f32) {
         self.end = self.end.min(later(t) - self.begin);
     }
 
-    /// Goes on to the next cell; false if the way ends before.
+    /// Steps to the next cell; false if the walk ends before it.
     #[inline(always)]
     fn step(&mut self) -> bool {
         loop {
@@ -188,7 +186,7 @@ impl Way {
                 self.cell = self.cell.wrapping_add(self.stride[axis]);
                 return true;
             }
-            // Out of the grid, or so it seems: it stays in the last layer.
+            // The ray leaves the grid up to rounding errors: the walk stays in the last layer.
             self.next[axis] = f64::INFINITY;
         }
     }

@@ -1,42 +1,33 @@
-//! Whether a ray is answered as by testing every triangle.
+//! The comparison of a ray's answers with brute force.
 
 use kd_core::{Hit, Mesh, Ray};
-use kd_trace::brute_force;
+use kd_trace::{RayQuery, brute_force};
 
-/// What is asked about rays.
-pub trait Answers {
-    /// The closest hit.
-    fn closest(&self, ray: &Ray) -> Option<Hit>;
-    /// Whether there is one.
-    fn any(&self, ray: &Ray) -> bool;
-    /// The first `max` hits in order; what is in `out` goes.
-    fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>);
-    /// Axis and place of planes that it divides space by, if it has any: some rays begin or run in them.
-    fn planes(&self) -> Vec<(usize, f32)> {
-        Vec::new()
-    }
-}
-
-/// Asks every query about a ray, of each structure, and expects what brute force says. Gives the number of hits.
+/// Compares every query of a ray with brute force, in each structure. Returns the number of hits.
 ///
 /// # Panics
 ///
 /// If an answer is wrong. The message holds the ray as Rust source.
 #[track_caller]
-pub fn check(scene: &str, mesh: &Mesh, structures: &[&dyn Answers], ray: &Ray) -> usize {
+pub fn check(
+    scene: &str,
+    mesh: &Mesh,
+    structures: &[&dyn RayQuery<Hit = Hit>],
+    ray: &Ray,
+) -> usize {
     let mut expected = Vec::new();
     brute_force::hits(mesh, ray, usize::MAX, &mut expected);
     let mut found = Vec::new();
     for (number, structure) in structures.iter().enumerate() {
-        let place = |way: &str| format!("{scene}, structure {number}, {way}: {}", source(ray));
-        let closest = structure.closest(ray);
-        assert_eq!(closest, expected.first().copied(), "{}", place("closest"));
-        let any = structure.any(ray);
-        assert_eq!(any, !expected.is_empty(), "{}", place("any"));
+        let place = |query: &str| format!("{scene}, structure {number}, {query}: {}", source(ray));
+        let closest = structure.intersect(ray);
+        assert_eq!(closest, expected.first().copied(), "{}", place("intersect"));
+        let occluded = structure.occluded(ray);
+        assert_eq!(occluded, !expected.is_empty(), "{}", place("occluded"));
         for max in [2, usize::MAX] {
-            structure.first(ray, max, &mut found);
+            structure.hits(ray, max, &mut found);
             let first = &expected[..max.min(expected.len())];
-            assert_eq!(found, first, "{}", place("first hits"));
+            assert_eq!(found, first, "{}", place("hits"));
         }
     }
     expected.len()
@@ -65,7 +56,7 @@ pub fn source(ray: &Ray) -> String {
 mod tests {
     use super::*;
 
-    /// Answers as brute force does, but for what is wrong with it.
+    /// Brute force with a flaw.
     struct Wrong<'a> {
         mesh: &'a Mesh,
         flaw: Flaw,
@@ -74,25 +65,25 @@ mod tests {
     #[derive(Clone, Copy, PartialEq)]
     enum Flaw {
         None,
-        Closest,
-        Any,
-        First,
+        Intersect,
+        Occluded,
+        Hits,
     }
 
-    impl Answers for Wrong<'_> {
-        fn closest(&self, ray: &Ray) -> Option<Hit> {
+    impl RayQuery for Wrong<'_> {
+        type Hit = Hit;
+
+        fn intersect(&self, ray: &Ray) -> Option<Hit> {
             let hit = brute_force::intersect(self.mesh, ray);
-            hit.filter(|_| self.flaw != Flaw::Closest)
+            hit.filter(|_| self.flaw != Flaw::Intersect)
         }
-        fn any(&self, ray: &Ray) -> bool {
-            brute_force::occluded(self.mesh, ray) && self.flaw != Flaw::Any
+
+        fn occluded(&self, ray: &Ray) -> bool {
+            brute_force::occluded(self.mesh, ray) && self.flaw != Flaw::Occluded
         }
-        fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-            let max = if self.flaw == Flaw::First {
-                max - 1
-            } else {
-                max
-            };
+
+        fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+            let max = max - usize::from(self.flaw == Flaw::Hits);
             brute_force::hits(self.mesh, ray, max, out);
         }
     }
@@ -101,11 +92,11 @@ mod tests {
     fn wrong_answers_are_noticed() {
         let mesh = crate::scenes::sphere(1);
         let ray = Ray::new([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]);
-        for flaw in [Flaw::None, Flaw::Closest, Flaw::Any, Flaw::First] {
-            let asked = std::panic::catch_unwind(|| {
+        for flaw in [Flaw::None, Flaw::Intersect, Flaw::Occluded, Flaw::Hits] {
+            let checked = std::panic::catch_unwind(|| {
                 check("sphere", &mesh, &[&Wrong { mesh: &mesh, flaw }], &ray)
             });
-            assert_eq!(asked.is_ok(), flaw == Flaw::None, "only if right");
+            assert_eq!(checked.is_ok(), flaw == Flaw::None, "only without a flaw");
         }
     }
 }

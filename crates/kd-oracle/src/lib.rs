@@ -1,24 +1,26 @@
-//! For tests of whatever answers rays: small meshes that are nasty, each in its own way, rays that ask for trouble, and
-//! whether the answers are those of testing every triangle, to the bit.
+//! For tests of [`RayQuery`](kd_trace::RayQuery): small meshes that are hard in different ways, hard rays, and a comparison of
+//! every query with brute force, to the bit.
 //!
-//! What all structures are put through are [`trials`](mod@trials). Only tests depend on this crate.
+//! [`trials`](mod@trials) are the tests that every structure passes. Only tests depend on this crate.
 //!
 //! ```
 //! use kd_core::{Hit, Mesh, Ray};
 //! use kd_oracle::rays::Rays;
-//! use kd_oracle::{Answers, check, scenes};
-//! use kd_trace::brute_force;
+//! use kd_oracle::{check, scenes};
+//! use kd_trace::{RayQuery, brute_force};
 //!
 //! struct Slow<'a>(&'a Mesh);
 //!
-//! impl Answers for Slow<'_> {
-//!     fn closest(&self, ray: &Ray) -> Option<Hit> {
+//! impl RayQuery for Slow<'_> {
+//!     type Hit = Hit;
+//!
+//!     fn intersect(&self, ray: &Ray) -> Option<Hit> {
 //!         brute_force::intersect(self.0, ray)
 //!     }
-//!     fn any(&self, ray: &Ray) -> bool {
+//!     fn occluded(&self, ray: &Ray) -> bool {
 //!         brute_force::occluded(self.0, ray)
 //!     }
-//!     fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+//!     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
 //!         brute_force::hits(self.0, ray, max, out);
 //!     }
 //! }
@@ -31,7 +33,7 @@
 //! ```
 #![allow(
     clippy::missing_panics_doc,
-    reason = "what panics here is a test that fails, or one that asks for the impossible"
+    reason = "a panic here is a failed test or a wrong argument of a test"
 )]
 
 mod check;
@@ -42,4 +44,4 @@ pub mod strategies;
 pub mod trials;
 pub mod watertight;
 
-pub use check::{Answers, check, source};
+pub use check::{check, source};

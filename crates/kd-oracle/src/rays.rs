@@ -1,11 +1,11 @@
-//! Rays that ask for trouble.
+//! Hard rays.
 
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
 
 use crate::rng::Rng;
 
-/// Makes rays around one mesh and the planes of what is built over it.
+/// A source of rays around a mesh and the planes of structures over it.
 #[derive(Debug)]
 pub struct Rays<'a> {
     mesh: &'a Mesh,
@@ -15,8 +15,8 @@ pub struct Rays<'a> {
 }
 
 impl<'a> Rays<'a> {
-    /// Around a mesh, which is not empty. `planes` are those of a structure over it, if it has any, each with its axis: some
-    /// rays begin or run in them.
+    /// Rays around a mesh of at least one triangle. `planes` are axis and position of planes of structures over it: some rays begin
+    /// or run in them.
     pub fn new(mesh: &'a Mesh, planes: Vec<(usize, f32)>, seed: u64) -> Self {
         Self {
             mesh,
@@ -25,7 +25,7 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// A point on a triangle: inside, on an edge or a corner.
+    /// A point on a triangle: inside, on an edge or on a corner.
     fn target(&mut self) -> Vec3 {
         let triangle = u32::try_from(self.rng.below(self.mesh.len())).expect("small");
         let [a, b, c] = self.mesh.corners(triangle);
@@ -45,7 +45,7 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// A point in the plane of a triangle, up to rounding, and outside of it mostly.
+    /// A point in the plane of a triangle, up to rounding, mostly outside of the triangle.
     fn in_a_plane(&mut self) -> Vec3 {
         let triangle = u32::try_from(self.rng.below(self.mesh.len())).expect("small");
         let [a, b, c] = self.mesh.corners(triangle);
@@ -58,12 +58,12 @@ impl<'a> Rays<'a> {
         bounds.center() + self.rng.vec3() * self.size()
     }
 
-    /// The longest side of the box. (A diagonal would overflow where its square does.)
+    /// The longest side of the box. (The square of a diagonal may overflow.)
     fn size(&self) -> f32 {
         self.mesh.bounds().extent().max_element()
     }
 
-    /// Puts a point exactly on a plane of a tree, on some axes.
+    /// Moves a point exactly to planes of structures, on some axes.
     fn on_planes(&mut self, mut point: Vec3) -> Vec3 {
         if !self.planes.is_empty() {
             for _ in 0..=self.rng.below(3) {
@@ -74,7 +74,7 @@ impl<'a> Rays<'a> {
         point
     }
 
-    /// A ray of one of fifteen kinds; most hit something.
+    /// The next ray, of one of fifteen kinds. Most rays hit something.
     pub fn draw(&mut self) -> Ray {
         let target = self.target();
         let origin = self.somewhere();
@@ -103,7 +103,7 @@ impl<'a> Rays<'a> {
                 direction[axis] = self.rng.pick(&[1.0, -1.0, 1e-20, -3e20]);
                 Ray::new(origin, direction)
             }
-            // In a plane of the tree, or nearly so.
+            // In a plane of a structure, or nearly so.
             8 => {
                 let origin = self.on_planes(target);
                 let mut direction = target - self.somewhere();
@@ -128,7 +128,7 @@ impl<'a> Rays<'a> {
             }
             // Backwards.
             11 => Ray::new(origin, origin - target).with_range(f32::NEG_INFINITY, 0.5),
-            // A short piece, ending on the surface or just before or behind.
+            // A short segment that ends on the surface, just before it or behind it.
             12 => Ray::new(origin, target - origin)
                 .with_range(self.rng.between(-1.0, 1.0), self.rng.between(0.99, 1.01)),
             // From a triangle's plane, or along it.
@@ -154,7 +154,7 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Puts an end of the range, or both, on the `t` of one of the ray's hits.
+    /// Moves one end of the range, or both, to the `t` of one of the ray's hits.
     fn exactly_at_a_hit(&mut self, ray: Ray) -> Ray {
         let mut hits = Vec::new();
         kd_trace::brute_force::hits(self.mesh, &ray, usize::MAX, &mut hits);
@@ -172,7 +172,7 @@ impl<'a> Rays<'a> {
     }
 }
 
-/// Rays that hit nothing, whatever there is: not finite, without a direction, a range or a mask.
+/// Rays that hit nothing in any mesh: not finite, without a direction, a range or a mask.
 pub fn that_cannot_hit() -> Vec<Ray> {
     let good = Ray::new([0.1, 0.2, 0.3], [0.0, 0.0, 1.0]);
     let (nan, infinity) = (f32::NAN, f32::INFINITY);

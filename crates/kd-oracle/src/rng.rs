@@ -5,7 +5,7 @@ use glam::Vec3;
 /// `SplitMix64` (Steele, Lea and Flood 2014).
 #[derive(Clone, Debug)]
 pub struct Rng(
-    /// Where it stands: any number will do.
+    /// The state; any number is a seed.
     pub u64,
 );
 
@@ -37,7 +37,7 @@ impl Rng {
         self.unit() < probability
     }
 
-    /// One of a list, which is not empty.
+    /// One element of a list that is not empty.
     pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
         from[self.below(from.len())]
     }
@@ -48,7 +48,7 @@ impl Rng {
         Vec3::new(one(), one(), one())
     }
 
-    /// A direction, roughly evenly.
+    /// A unit vector, roughly uniformly distributed.
     pub fn direction(&mut self) -> Vec3 {
         loop {
             let v = self.vec3();

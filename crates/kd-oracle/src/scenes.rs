@@ -1,4 +1,4 @@
-//! Small meshes, each nasty in its own way.
+//! Small meshes that are hard in different ways.
 
 use std::collections::HashMap;
 
@@ -7,12 +7,12 @@ use kd_core::Mesh;
 
 use crate::rng::Rng;
 
-/// Triangles put together from pieces.
+/// A list of triangles under construction.
 #[derive(Clone, Debug, Default)]
 pub struct Soup {
     /// Vertices.
     pub positions: Vec<[f32; 3]>,
-    /// Three of them each.
+    /// Three indices of vertices per triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -24,7 +24,7 @@ impl Soup {
         self.triangles.push([first, first + 1, first + 2]);
     }
 
-    /// Adds a square, or what goes for one, as two triangles.
+    /// Adds a quadrilateral as two triangles.
     pub fn quad(&mut self, [a, b, c, d]: [Vec3; 4]) {
         self.triangle([a, b, c]);
         self.triangle([a, c, d]);
@@ -51,13 +51,13 @@ impl Soup {
         }
     }
 
-    /// All of it as a mesh.
+    /// The mesh of all triangles.
     pub fn mesh(self) -> Mesh {
         Mesh::new(self.positions, self.triangles).expect("valid")
     }
 }
 
-/// The mesh with every corner moved.
+/// The mesh with every vertex moved.
 pub fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Mesh {
     let positions = mesh
         .positions()
@@ -67,7 +67,7 @@ pub fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Mesh {
     Mesh::new(positions, mesh.triangles().to_vec()).expect("still finite")
 }
 
-/// A closed icosahedron whose faces are divided in four, `levels` times, put on the unit sphere.
+/// A closed icosahedron whose faces are divided in four `levels` times, projected to the unit sphere.
 pub fn sphere(levels: usize) -> Mesh {
     let g = f32::midpoint(1.0, 5.0_f32.sqrt());
     let mut points: Vec<Vec3> = Vec::new();
@@ -78,7 +78,7 @@ pub fn sphere(levels: usize) -> Mesh {
             Vec3::new(b, 0.0, a),
         ]);
     }
-    // Its faces are the triples of points at mutual distance 2.
+    // The faces are the triples of points at mutual distance 2.
     let mut faces = Vec::new();
     let near = |i: usize, j: usize| (points[i].distance(points[j]) - 2.0).abs() < 0.1;
     for i in 0..12 {
@@ -182,7 +182,7 @@ pub fn turned(axis: usize, [along, next, last]: [f32; 3]) -> Vec3 {
     point
 }
 
-/// Triangles of any shape anywhere.
+/// Triangles of any shape and position.
 pub fn soup() -> Mesh {
     let mut rng = Rng(4);
     let mut soup = Soup::default();
@@ -194,7 +194,7 @@ pub fn soup() -> Mesh {
     soup.mesh()
 }
 
-/// Long thin triangles, and some so thin that rounding their corners turns them over.
+/// Long thin triangles, some so thin that rounding their corners reverses them.
 pub fn slivers() -> Mesh {
     let mut rng = Rng(5);
     let mut soup = Soup::default();
@@ -207,7 +207,7 @@ pub fn slivers() -> Mesh {
     soup.mesh()
 }
 
-/// Every triangle several times, in both windings, with triangles of no area between.
+/// Every triangle several times, in both windings, with triangles of zero area between.
 pub fn duplicates() -> Mesh {
     let mut rng = Rng(6);
     let mut soup = Soup::default();
@@ -227,7 +227,7 @@ pub fn duplicates() -> Mesh {
     soup.mesh()
 }
 
-/// All in the plane y = 1: the box has no height.
+/// Triangles in the plane y = 1: the box has no height.
 pub fn flat() -> Mesh {
     let mut rng = Rng(7);
     let mut soup = Soup::default();
@@ -263,7 +263,7 @@ pub fn stadium() -> Mesh {
     soup.mesh()
 }
 
-/// Triangles of all sizes, anywhere: so many, and others for each seed.
+/// `count` triangles of all sizes and positions, different for each seed.
 pub fn confetti(count: usize, seed: u64) -> Mesh {
     let mut rng = Rng(seed);
     let mut soup = Soup::default();
@@ -274,7 +274,7 @@ pub fn confetti(count: usize, seed: u64) -> Mesh {
     soup.mesh()
 }
 
-/// Points, lines, and a few triangles that have an area.
+/// Points, lines, and a few triangles with an area.
 pub fn zero_area() -> Mesh {
     let mut rng = Rng(9);
     let mut soup = Soup::default();
@@ -286,7 +286,7 @@ pub fn zero_area() -> Mesh {
     soup.mesh()
 }
 
-/// So many times the same triangle, and one beside it.
+/// `count` copies of a triangle, and one triangle beside it.
 pub fn coincident(count: usize) -> Mesh {
     let positions = [
         [0.0, 0.0, 2.0],
@@ -299,7 +299,8 @@ pub fn coincident(count: usize) -> Mesh {
     Mesh::new(positions.to_vec(), triangles).expect("valid")
 }
 
-/// Triangles each twice as far as the last and twice as large, over all of f32: dividing in the middle parts one at a time.
+/// Triangles each twice as far and twice as large as the last, over the range of f32: a division in the middle separates one at a
+/// time.
 pub fn doubling() -> Mesh {
     let mut soup = Soup::default();
     for power in -70..70 {
@@ -310,8 +311,7 @@ pub fn doubling() -> Mesh {
     soup.mesh()
 }
 
-/// Meshes at the ends of what there is, each with its name: of few triangles with an area, of many in one place, of all sizes, as
-/// large, as small and as far off as can be.
+/// Extreme meshes with their names: few triangles with an area, many in one place, all sizes, and the limits of size and offset.
 pub fn extreme() -> Vec<(&'static str, Mesh)> {
     let confetti = confetti(250, 4);
     vec![

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use crate::scenes::Soup;
 
-/// Coordinates that often coincide, with some far out and some that are close but not equal.
+/// Coordinates that often coincide, with some far away and some that are close but not equal.
 pub fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![
         6 => (-3_i8..=3).prop_map(f32::from),
@@ -22,7 +22,7 @@ pub fn point() -> impl Strategy<Value = Vec3> {
     [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from_array)
 }
 
-/// Up to some dozens of triangles, some in a common plane, some twice, some without area.
+/// Meshes of up to some dozens of triangles, some in a common plane, some twice, some without area.
 pub fn mesh() -> impl Strategy<Value = Mesh> {
     let triangle = ([point(), point(), point()], 0..8_u8);
     prop::collection::vec(triangle, 1..24).prop_map(|triangles| {

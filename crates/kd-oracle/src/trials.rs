@@ -1,6 +1,6 @@
-//! What every structure is put through: meshes and rays that are awkward, each in its own way, held against brute force.
+//! The tests that every structure passes: meshes and rays that are hard in different ways, compared with brute force.
 //!
-//! [`trials!`](crate::trials!) makes a test of each, so that a trial added here is one of every structure.
+//! [`trials!`](crate::trials!) makes a test of each trial, so that a trial added here tests every structure.
 
 mod meshes;
 mod rays;
@@ -8,32 +8,60 @@ mod rays;
 pub use meshes::*;
 pub use rays::*;
 
-use kd_core::{Mesh, Ray};
+use std::fmt;
+use std::sync::Arc;
 
-use crate::check::{Answers, check, source};
+use kd_core::{Hit, Mesh, Ray};
+use kd_trace::RayQuery;
+
+use crate::check::{check, source};
 use crate::rays::Rays;
 
-/// What answers rays over a mesh: structures of one kind, each built in another way.
-pub type Structures<'a> = Vec<Box<dyn Answers + 'a>>;
+/// A structure under test.
+pub struct Structure<'a> {
+    /// Its queries.
+    pub query: Box<dyn RayQuery<Hit = Hit> + 'a>,
+    /// Axis and position of planes that the structure divides space by: some rays begin or run in them. May be empty.
+    pub planes: Vec<(usize, f32)>,
+}
 
-/// Builds what is to answer over a mesh.
-pub type Build = for<'a> fn(&'a Mesh) -> Structures<'a>;
+impl<'a> Structure<'a> {
+    /// A structure and its planes.
+    pub fn new(query: impl RayQuery<Hit = Hit> + 'a, planes: Vec<(usize, f32)>) -> Self {
+        Self {
+            query: Box::new(query),
+            planes,
+        }
+    }
+}
 
-/// What is put through trials, and how much of them it is given.
+impl fmt::Debug for Structure<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let planes = self.planes.len();
+        f.debug_struct("Structure")
+            .field("planes", &planes)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Builds structures of one kind, with different options, over a mesh.
+pub type Build = for<'a> fn(&'a Arc<Mesh>) -> Vec<Structure<'a>>;
+
+/// The structures of a trial, and its size.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject {
-    /// Builds it.
+    /// Builds the structures.
     pub build: Build,
-    /// Random rays around each mesh of its own kind; a fifth of them where there is a row of scales.
+    /// Number of random rays around each mesh; a fifth of that for each of several scales.
     pub rays: usize,
-    /// Points in each closed mesh from which rays are aimed at all of its edges.
+    /// Number of points in each closed mesh from which rays are aimed at all edges.
     pub points: usize,
 }
 
 /// A trial.
 pub type Trial = fn(&Subject);
 
-/// A test of every trial, under its name: `run` is a function that is given the name and the [`Trial`].
+/// Makes a test of every trial, under its name: `run` is a function of the name and the [`Trial`].
 #[macro_export]
 macro_rules! trials {
     ($run:path) => {
@@ -42,6 +70,7 @@ macro_rules! trials {
             a_hit_beside_its_triangle,
             along_an_axis_and_past_its_end,
             as_many_hits_as_asked_for,
+            batches_and_packets_answer_as_single_rays,
             closed_meshes_hold_every_ray,
             directions_of_any_length,
             edge_on_triangles_are_not_hit,
@@ -74,15 +103,15 @@ macro_rules! trials {
     };
 }
 
-/// A mesh with what answers over it.
+/// A mesh and the structures over it.
 struct Over<'a> {
     name: String,
     mesh: &'a Mesh,
-    structures: Structures<'a>,
+    structures: Vec<Structure<'a>>,
 }
 
 impl<'a> Over<'a> {
-    fn new(subject: &Subject, name: impl Into<String>, mesh: &'a Mesh) -> Self {
+    fn new(subject: &Subject, name: impl Into<String>, mesh: &'a Arc<Mesh>) -> Self {
         let (name, structures) = (name.into(), (subject.build)(mesh));
         assert!(!structures.is_empty(), "{name}: nothing is tested");
         Self {
@@ -92,34 +121,33 @@ impl<'a> Over<'a> {
         }
     }
 
-    fn answers(&self) -> Vec<&dyn Answers> {
-        self.structures.iter().map(|one| &**one).collect()
+    fn queries(&self) -> Vec<&dyn RayQuery<Hit = Hit>> {
+        self.structures.iter().map(|one| &*one.query).collect()
     }
 
-    /// Asks everything about a ray. Gives the number of hits.
+    /// Checks every query of a ray. Returns the number of hits.
     #[track_caller]
-    fn ask(&self, ray: &Ray) -> usize {
-        check(&self.name, self.mesh, &self.answers(), ray)
+    fn check(&self, ray: &Ray) -> usize {
+        check(&self.name, self.mesh, &self.queries(), ray)
     }
 
-    /// The same, of a ray that has so many.
+    /// Checks every query of a ray with `hits` hits.
     #[track_caller]
     fn expect(&self, ray: &Ray, hits: usize) {
-        assert_eq!(self.ask(ray), hits, "{}: {}", self.name, source(ray));
+        assert_eq!(self.check(ray), hits, "{}: {}", self.name, source(ray));
     }
 
-    /// Asks about random rays around the mesh and the planes of structures. Gives how many hit.
-    #[track_caller]
-    fn ask_random(&self, seed: u64, rays: usize) -> usize {
-        let planes = self.structures.iter().flat_map(|one| one.planes());
-        let mut source = Rays::new(self.mesh, planes.collect(), seed);
-        (0..rays).filter(|_| self.ask(&source.draw()) > 0).count()
+    /// Random rays around the mesh and the planes of the structures.
+    fn random_rays(&self, seed: u64) -> Rays<'a> {
+        let planes = self.structures.iter().flat_map(|one| &one.planes);
+        Rays::new(self.mesh, planes.copied().collect(), seed)
     }
 
-    /// The same; so many in a hundred must hit, at least.
+    /// Checks random rays, of which at least `per_cent` in a hundred must hit.
     #[track_caller]
-    fn ask_random_and_hit(&self, seed: u64, rays: usize, per_cent: usize) {
-        let hit = self.ask_random(seed, rays);
+    fn check_random(&self, seed: u64, rays: usize, per_cent: usize) {
+        let mut source = self.random_rays(seed);
+        let hit = (0..rays).filter(|_| self.check(&source.draw()) > 0).count();
         let name = &self.name;
         assert!(100 * hit >= per_cent * rays, "{name}: {hit} of {rays} hit");
     }
@@ -130,23 +158,22 @@ impl<'a> Over<'a> {
 mod tests {
     use std::panic::catch_unwind;
 
-    use kd_core::Hit;
     use kd_trace::brute_force;
 
     use super::*;
 
-    /// What is wrong with answers.
+    /// An error in answers.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Flaw {
         /// The closest hit is one unit in the last place further away.
         Moved,
-        /// There is no closest hit.
+        /// The closest hit is missing.
         Lost,
-        /// There is no hit at all.
+        /// No ray is occluded.
         Hidden,
-        /// One of the first hits is not there.
+        /// The last of the hits is missing.
         Dropped,
-        /// What is missed is hit.
+        /// Every ray is occluded.
         Invented,
     }
 
@@ -161,8 +188,10 @@ mod tests {
 
     struct Flawed<'a>(&'a Mesh, Option<Flaw>);
 
-    impl Answers for Flawed<'_> {
-        fn closest(&self, ray: &Ray) -> Option<Hit> {
+    impl RayQuery for Flawed<'_> {
+        type Hit = Hit;
+
+        fn intersect(&self, ray: &Ray) -> Option<Hit> {
             let hit = brute_force::intersect(self.0, ray);
             match (self.1, hit) {
                 (Some(Flaw::Moved), Some(hit)) => Some(Hit {
@@ -174,7 +203,7 @@ mod tests {
             }
         }
 
-        fn any(&self, ray: &Ray) -> bool {
+        fn occluded(&self, ray: &Ray) -> bool {
             match self.1 {
                 Some(Flaw::Hidden) => false,
                 Some(Flaw::Invented) => true,
@@ -182,7 +211,7 @@ mod tests {
             }
         }
 
-        fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
             brute_force::hits(self.0, ray, max, out);
             if self.1 == Some(Flaw::Dropped) {
                 out.pop();
@@ -190,16 +219,17 @@ mod tests {
         }
     }
 
-    /// What is right, and with it what has that flaw.
-    fn build<const FLAW: usize>(mesh: &Mesh) -> Structures<'_> {
-        let mut structures: Structures<'_> = vec![Box::new(Flawed(mesh, None))];
+    /// Brute force without a flaw, then with the flaw of that number.
+    fn build<const FLAW: usize>(mesh: &Arc<Mesh>) -> Vec<Structure<'_>> {
+        let mut structures = vec![Structure::new(Flawed(mesh, None), Vec::new())];
         if FLAWS[FLAW].is_some() {
-            structures.push(Box::new(Flawed(mesh, FLAWS[FLAW])));
+            structures.push(Structure::new(Flawed(mesh, FLAWS[FLAW]), Vec::new()));
         }
         structures
     }
 
-    /// Passes what is right, and no flaw: but for what is invented where all rays hit, and all others where none does.
+    /// A trial passes without a flaw and fails with each flaw that it can show: not with invented hits if all of its rays hit, nor
+    /// with the other flaws if none does.
     fn notices_every_flaw(name: &str, trial: Trial) {
         let only_misses = ["no_triangles_no_hits", "triangles_without_area_are_not_hit"];
         let only_hits = [

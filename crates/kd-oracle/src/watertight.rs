@@ -1,4 +1,4 @@
-//! Nothing gets out of a closed mesh.
+//! No ray leaves a closed mesh.
 
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
@@ -7,12 +7,12 @@ use crate::check::source;
 use crate::rng::Rng;
 use crate::scenes;
 
-/// Aims from each origin, which lies inside a closed mesh, at every corner, at every edge's middle and at other points on
-/// edges, and expects a hit in both directions. `hits` tells how many there are, and may check more.
+/// Aims rays from each origin inside a closed mesh at every corner, every edge's midpoint and other points of edges, and expects a
+/// hit in both directions. `hits` returns the number of hits of a ray, and may check more.
 ///
 /// # Panics
 ///
-/// If a ray gets out.
+/// If a ray has no hit.
 #[track_caller]
 pub fn check_closed(name: &str, mesh: &Mesh, origins: &[Vec3], hits: impl Fn(&Ray) -> usize) {
     let mut rng = Rng(10);
@@ -49,11 +49,11 @@ pub fn points(radius: f32) -> Vec<Vec3> {
     points
 }
 
-/// Closed meshes with points inside: a sphere, cubes of many triangles in each plane, a bumpy surface, and small spheres of
-/// any size anywhere.
+/// Closed meshes with points inside: a sphere, cubes of many triangles in each plane, a bumpy surface, and spheres of several sizes
+/// and offsets.
 pub fn closed_meshes() -> Vec<(String, Mesh, Vec<Vec3>)> {
     let mut in_cube = points(0.99);
-    // On lattice lines, so that rays run exactly through corners and along edges' planes.
+    // On lattice lines, so that rays pass exactly through corners and along planes of edges.
     in_cube.extend([
         Vec3::splat(0.5),
         Vec3::new(0.5, -0.5, 0.0),

@@ -1,19 +1,20 @@
-//! What was measured, on which machine, and the file that keeps it.
+//! Measured scenes, the machine that measured them, and the file that keeps both.
 
 use std::collections::BTreeMap;
 
 use kd_grid::GridStats;
+#[cfg(feature = "json")]
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::built_in;
 use crate::machine::Machine;
 use crate::times::{Structure, Times};
 
-/// How rays were made that a scene was measured with.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
-)]
-#[serde(rename_all = "lowercase")]
+/// The distribution of the rays that a scene was measured with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(rename_all = "lowercase"))]
 pub enum RayScheme {
     /// Through two random points of the scene's bounding sphere.
     #[default]
@@ -22,24 +23,25 @@ pub enum RayScheme {
     Path,
 }
 
-/// What a grid tells of a scene, and a sample of rays through it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The features of a scene that estimates use: statistics of its grid, and the hits of a sample of rays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(deny_unknown_fields))]
 pub struct Features {
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: u64,
     /// References per triangle.
     pub refs_per_triangle: f64,
     /// The standard deviation of references per cell.
     pub sigma: f64,
-    /// The part of cells that is empty.
+    /// The share of empty cells.
     pub sparseness: f64,
-    /// The part of the sampled rays that hits something.
+    /// The share of sampled rays that hit something.
     pub hit_share: f64,
 }
 
 impl Features {
-    /// Of a grid's statistics and the part of a sample of rays that hits something.
+    /// From the statistics of a grid and the share of sampled rays that hit something.
     pub fn new(stats: &GridStats, hit_share: f64) -> Self {
         Self {
             triangles: stats.triangles as u64,
@@ -51,89 +53,91 @@ impl Features {
     }
 }
 
-/// A scene of a calibration: what it is like, and what structures cost over it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A scene of a calibration: its features, and the times of structures over it.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(deny_unknown_fields))]
 pub struct MeasuredScene {
-    /// What it is called.
+    /// Name of the scene.
     pub scene: String,
-    /// How its rays were made.
+    /// Distribution of its rays.
     pub rays: RayScheme,
-    /// What its grid tells.
+    /// Its features.
     pub features: Features,
-    /// What each structure costs; the grid is one of them.
+    /// The times of each measured structure; the grid is one of them.
     pub times: BTreeMap<Structure, Times>,
 }
 
-/// What structures cost over a set of scenes, on one machine: what decisions are made from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The times of structures over a set of scenes on one machine: the basis of decisions.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(deny_unknown_fields))]
 pub struct Calibration {
-    /// Of the file: [`FORMAT`](Self::FORMAT).
+    /// Format of the file: [`FORMAT`](Self::FORMAT).
     pub format: u32,
-    /// Of this crate.
+    /// Version of this crate.
     pub version: String,
-    /// Where it was measured.
+    /// The machine that measured.
     pub machine: Machine,
-    /// How many threads built.
+    /// Number of threads that built.
     pub threads: usize,
-    /// When, as `2026-11-28`.
+    /// Date, as `2026-11-28`.
     pub date: String,
-    /// The commit that was measured.
+    /// The measured commit.
     pub commit: String,
-    /// What was measured.
+    /// The measured scenes.
     pub scenes: Vec<MeasuredScene>,
 }
 
-/// Why a calibration is of no use here.
+/// Why a calibration cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
-    /// It is no calibration.
+    /// The text is no calibration.
     #[error("not a calibration: {0}")]
     Malformed(String),
-    /// It is of another format.
+    /// The file has another format.
     #[error("its format is {found}, and this version reads {expected}: calibrate again")]
     Format {
-        /// What it has.
+        /// Format of the file.
         found: u32,
-        /// What is read.
+        /// Format that this version reads.
         expected: u32,
     },
-    /// It is of another version of the library, whose structures cost something else.
+    /// The file is of another version of the library, whose structures have other costs.
     #[error("it was measured with version {found}, and this is {expected}: calibrate again")]
     Version {
-        /// What it has.
+        /// Version of the file.
         found: String,
-        /// What this is.
+        /// This version.
         expected: String,
     },
-    /// It is of another machine.
+    /// The file is of another machine.
     #[error("it was measured on another machine ({found}), and this is {here}: calibrate again")]
     OtherMachine {
-        /// Where it was measured.
+        /// Machine of the file.
         found: Machine,
-        /// This one.
+        /// This machine.
         here: Machine,
     },
-    /// A scene has figures that cannot be.
+    /// A scene has impossible figures.
     #[error("scene `{scene}`: {what}")]
     Scene {
-        /// What it is called.
+        /// Name of the scene.
         scene: String,
-        /// What is wrong.
+        /// The problem.
         what: String,
     },
-    /// There is no scene.
+    /// The calibration has no scene.
     #[error("it has no scene")]
     Empty,
 }
 
 impl Calibration {
-    /// Of the file.
+    /// The format of files that this version reads and writes.
     pub const FORMAT: u32 = 1;
 
-    /// What was measured here and now; `date` is like `2026-11-28`.
+    /// Scenes measured on this machine with this version; `date` is like `2026-11-28`.
     pub fn new(threads: usize, date: String, commit: String, scenes: Vec<MeasuredScene>) -> Self {
         Self {
             format: Self::FORMAT,
@@ -146,21 +150,37 @@ impl Calibration {
         }
     }
 
-    /// The calibration that comes with the library: measured elsewhere, so that only ratios between structures mean something
-    /// here. It is what decisions are made from until a machine has its own.
-    #[allow(clippy::missing_panics_doc, reason = "a test reads it")]
+    /// The calibration that comes with the library. It was measured on another machine, so that only ratios between structures
+    /// hold here. Decisions use it unless a machine has a calibration of its own.
     pub fn built_in() -> Self {
-        let calibration = Self::parsed(include_str!("built_in.json"));
-        calibration.expect("the one that comes with the library is right")
+        let measured = |scene: &built_in::Scene| MeasuredScene {
+            scene: scene.name.into(),
+            rays: scene.rays,
+            features: scene.features,
+            times: scene.times.iter().copied().collect(),
+        };
+        Self {
+            format: Self::FORMAT,
+            version: built_in::VERSION.into(),
+            machine: Machine {
+                cpu: built_in::CPU.into(),
+                level: built_in::LEVEL.into(),
+            },
+            threads: built_in::THREADS,
+            date: built_in::DATE.into(),
+            commit: built_in::COMMIT.into(),
+            scenes: built_in::SCENES.iter().map(measured).collect(),
+        }
     }
 
-    /// Reads a file that [`to_json`](Self::to_json) wrote, on this machine, by this version.
+    /// Reads a file that [`to_json`](Self::to_json) wrote, on this machine and with this version.
     ///
     /// # Errors
     ///
-    /// [`CalibrationError`] tells what it is not, or what is wrong in which scene.
+    /// [`CalibrationError`]: the text is malformed, of another format, version or machine, or a scene has impossible figures.
+    #[cfg(feature = "json")]
     pub fn read(text: &str) -> Result<Self, CalibrationError> {
-        let calibration = Self::parsed(text)?;
+        let calibration = Self::read_foreign(text)?;
         let expected = env!("CARGO_PKG_VERSION");
         if calibration.version != expected {
             return Err(CalibrationError::Version {
@@ -178,14 +198,19 @@ impl Calibration {
         Ok(calibration)
     }
 
-    /// Whatever machine and version it is of.
-    fn parsed(text: &str) -> Result<Self, CalibrationError> {
+    /// [`read`](Self::read), for a calibration of any machine and version. Only ratios between its structures hold here.
+    ///
+    /// # Errors
+    ///
+    /// [`CalibrationError`]: the text is malformed or of another format, or a scene has impossible figures.
+    #[cfg(feature = "json")]
+    pub fn read_foreign(text: &str) -> Result<Self, CalibrationError> {
         #[derive(Deserialize)]
         struct Format {
             format: u32,
         }
         let malformed = |why: serde_json::Error| CalibrationError::Malformed(why.to_string());
-        // The format first: another one may have other fields.
+        // The format first: another format may have other fields.
         let Format { format } = serde_json::from_str(text).map_err(malformed)?;
         if format != Self::FORMAT {
             return Err(CalibrationError::Format {
@@ -198,11 +223,11 @@ impl Calibration {
         Ok(calibration)
     }
 
-    /// Whether every scene has statistics and times that can be, and there is one.
+    /// Checks that the calibration has a scene, and that every scene has possible statistics and times.
     ///
     /// # Errors
     ///
-    /// [`CalibrationError::Scene`] names the first one that has not; [`CalibrationError::Empty`].
+    /// [`CalibrationError::Scene`] names the first scene that has not; [`CalibrationError::Empty`].
     pub fn check(&self) -> Result<(), CalibrationError> {
         if self.scenes.is_empty() {
             return Err(CalibrationError::Empty);
@@ -226,11 +251,11 @@ impl Calibration {
                 hit_share,
             } = *features;
             if triangles == 0 || !(refs_per_triangle >= 1.0 && refs_per_triangle.is_finite()) {
-                return refuse("it has no triangles, or they are in no cell".into());
+                return refuse("it has no triangles, or no references".into());
             }
             let are_shares = (0.0..1.0).contains(&sparseness) && (0.0..=1.0).contains(&hit_share);
             if !(sigma >= 0.0 && sigma.is_finite() && are_shares) {
-                return refuse("its statistics are no statistics".into());
+                return refuse("its statistics are out of range".into());
             }
             if !times.contains_key(&Structure::Grid) {
                 return refuse("the grid was not measured".into());
@@ -239,31 +264,34 @@ impl Calibration {
                 .get(&Structure::Lazy)
                 .is_some_and(|lazy| lazy.opening.is_none())
             {
-                return refuse("what rays open of a lazy tree was not measured".into());
+                return refuse("the lazy tree has no opening cost".into());
             }
             if let Some((structure, times)) = times.iter().find(|(_, times)| !times.are_sound()) {
-                return refuse(format!("times of {structure} that cannot be: {times:?}"));
+                return refuse(format!(
+                    "the times of {structure} are out of range: {times:?}"
+                ));
             }
         }
         Ok(())
     }
 
-    /// As a file.
-    #[allow(clippy::missing_panics_doc, reason = "names and numbers")]
+    /// The text of a calibration file.
+    #[cfg(feature = "json")]
+    #[allow(clippy::missing_panics_doc, reason = "JSON can hold every calibration")]
     pub fn to_json(&self) -> String {
-        let mut text = serde_json::to_string_pretty(self).expect("nothing that JSON has not");
+        let mut text = serde_json::to_string_pretty(self).expect("names and numbers");
         text.push('\n');
         text
     }
 
-    /// The scenes whose rays were made in one way.
+    /// The scenes with rays of one distribution.
     pub fn of_scheme(&self, rays: RayScheme) -> impl Iterator<Item = &MeasuredScene> {
         self.scenes.iter().filter(move |scene| scene.rays == rays)
     }
 }
 
 impl MeasuredScene {
-    /// What a structure costs, if it was measured.
+    /// The times of a structure, if it was measured.
     pub fn times_of(&self, structure: Structure) -> Option<&Times> {
         self.times.get(&structure)
     }
@@ -273,6 +301,7 @@ impl MeasuredScene {
 mod tests {
     use super::*;
 
+    #[cfg(feature = "json")]
     fn example() -> Calibration {
         let scene = MeasuredScene {
             scene: "bunny".into(),
@@ -293,6 +322,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(feature = "json")]
     fn files_come_back() {
         let calibration = example();
         assert_eq!(
@@ -303,8 +333,9 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_one_is_right() {
+    fn the_built_in_calibration_is_sound() {
         let calibration = Calibration::built_in();
+        assert_eq!(calibration.check(), Ok(()), "every scene");
         for rays in [RayScheme::Random, RayScheme::Path] {
             assert!(
                 calibration.of_scheme(rays).count() >= 28,
@@ -313,9 +344,24 @@ mod tests {
         }
     }
 
+    #[cfg(feature = "json")]
     type Change<'a> = &'a dyn Fn(&mut Calibration);
 
+    /// Calibrations from before the rename of the structure `bvh`.
     #[test]
+    #[cfg(feature = "json")]
+    fn the_old_name_of_wide_nodes_of_objects_is_read() {
+        let mut calibration = example();
+        let times = &mut calibration.scenes[0].times;
+        times.insert(Structure::Objects, Times::new(0.02, 4e-7));
+        let text = calibration.to_json();
+        assert!(text.contains("\"objects\""), "the new name: {text}");
+        let old = text.replace("\"objects\"", "\"bvh\"");
+        assert_eq!(Calibration::read(&old), Ok(calibration), "the old name");
+    }
+
+    #[test]
+    #[cfg(feature = "json")]
     fn foreign_files_are_refused_with_a_reason() {
         let refused = |change: Change<'_>| {
             let mut calibration = example();
@@ -349,7 +395,7 @@ mod tests {
             ),
             (
                 &|c| c.scenes[0].features.sparseness = 1.5,
-                "scene `bunny`: its statistics are no",
+                "scene `bunny`: its statistics are out of range",
             ),
             (
                 &|c| c.scenes[0].times.retain(|of, _| *of != Structure::Grid),
@@ -357,11 +403,11 @@ mod tests {
             ),
             (
                 &|c| c.scenes[0].times.extend([(Structure::Lazy, unopened)]),
-                "scene `bunny`: what rays open",
+                "scene `bunny`: the lazy tree has no opening cost",
             ),
             (
                 &|c| c.scenes[0].times.extend([(Structure::Best, negative)]),
-                "scene `bunny`: times of best that cannot be",
+                "scene `bunny`: the times of best are out of range",
             ),
         ];
         for (change, message) in rows {

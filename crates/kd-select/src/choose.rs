@@ -1,29 +1,28 @@
-//! The structure whose total is least.
+//! The structure of the least total.
 
 use std::fmt;
 
 use crate::times::{Structure, Times};
 
-/// A structure for so many rays, with what all would have cost.
+/// The choice of a structure for a number of rays, with the costs that were compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// The one that is chosen.
+    /// The chosen structure.
     pub structure: Structure,
-    /// How many rays it is for.
+    /// Number of rays.
     pub rays: f64,
-    /// What each costs, by its total: least first. Those of a grid that was tried are measured, others
-    /// estimated.
+    /// The times of each structure, by ascending total. Those of a grid that was tried are measured, others estimated.
     pub costs: Vec<(Structure, Times)>,
 }
 
-/// What is built where rays go costs what they open, which is the least sure of all estimates: it must seem so many times
-/// cheaper than others. (With 1 some choices took five times as long as the best, with 2 nearly four times, with 3 as without lazy
-/// trees at all; from the same throw-away program as in [`estimate`](crate::estimate).)
+/// The factor by which a lazy tree must be cheaper than others: its opening cost is the least certain of all estimates. (With 1
+/// some choices took five times as long as the best, with 2 nearly four times, with 3 as long as without lazy trees; from the same
+/// throw-away program as in [`estimate`](crate::estimate).)
 const CAUTION: f64 = 3.0;
 
 impl Choice {
-    /// The structure of the least total, building included, for so many rays; the earlier one among equals. One that is built
-    /// where rays go is chosen only where it seems to take a third of what any other does. `None` without any.
+    /// The structure of the least total, build included, for `rays` rays; the first among equals. A structure that is built
+    /// where rays go is chosen only if its total is below a third of every other. `None` without structures.
     pub fn among(costs: &[(Structure, Times)], rays: f64) -> Option<Self> {
         let mut costs = costs.to_vec();
         costs.sort_by(|a, b| a.1.total(rays).total_cmp(&b.1.total(rays)));
@@ -46,7 +45,7 @@ impl Choice {
         })
     }
 
-    /// The total of a structure in seconds, if it was looked at.
+    /// The total of a structure in seconds, if it was compared.
     pub fn total(&self, structure: Structure) -> Option<f64> {
         let found = self.costs.iter().find(|(other, _)| *other == structure);
         found.map(|(_, times)| times.total(self.rays))
@@ -70,7 +69,7 @@ impl fmt::Display for Choice {
             )?;
             if let Some(opening) = times.opening {
                 let opened = 1e3 * opening.after(self.rays);
-                write!(f, " and {opened:.2} ms for what rays open")?;
+                write!(f, " and {opened:.2} ms for opened cells")?;
             }
         }
         Ok(())
@@ -122,7 +121,7 @@ mod tests {
             assert_eq!(
                 choice.costs[0].0,
                 Structure::Lazy,
-                "by its total the least: {choice}"
+                "the least total: {choice}"
             );
         }
         let text = Choice::among(&costs, 1e4).expect("three").to_string();

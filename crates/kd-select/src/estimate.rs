@@ -1,9 +1,9 @@
-//! What structures would cost that are not there: the paper's two equations widened by what the grid tells.
+//! Estimated times of structures that are not built: the paper's two equations extended by features of the grid.
 //!
-//! The paper estimates T_H and t_H from the number of triangles alone, is off by 25 to 30 %, and names further statistics of the
-//! scene as future work. Here the logarithm of T_H / T_G, and that of t_H / t_G, is a linear function of what the grid tells,
-//! measured times included, which stand for how large triangles are and how rays go. Since only ratios count, a calibration of
-//! another machine is of use too; one of this machine is of more, since it tells a slow mesh from a slow machine.
+//! The paper estimates T_H and t_H from the number of triangles alone, with errors of 25 to 30 %, and names further statistics of
+//! the scene as future work. Here ln (T_H / T_G) and ln (t_H / t_G) are linear functions of the grid's statistics and measured
+//! times, which depend on the sizes of triangles and on the rays. As only ratios matter, a calibration of another machine is
+//! useful too. A calibration of this machine is better: it distinguishes a slow mesh from a slow machine.
 
 use crate::calibration::{Calibration, Features, MeasuredScene, RayScheme};
 use crate::linear::{Linear, Row};
@@ -11,30 +11,30 @@ use crate::machine::Machine;
 use crate::paper::{Hierarchy, log2};
 use crate::times::{Opening, Structure, Times};
 
-/// What weights are held back by, in rows. (0.1 to 6 make no difference to decisions, from a throw-away program over the scenes of
+/// Penalty on weights, in rows. (0.1 to 6 give the same decisions, by a throw-away program over the scenes of
 /// `cargo xtask paper grid-table`, 2026-11-28.)
 const PENALTY: f64 = 1.0;
 
-/// Estimates what each structure costs, from what a grid tells.
+/// Estimates the times of each structure from the features of a grid.
 #[derive(Clone, Debug)]
 pub struct Estimator {
     models: Vec<Model>,
-    /// Whether it rests on measurements of this machine.
+    /// Whether the calibration is of this machine.
     is_same_machine: bool,
-    /// What structures cost by the number of triangles alone, the grid first.
+    /// Times by the number of triangles alone, the grid first.
     by_size: Vec<(Structure, Law)>,
-    /// Up to how many rays for each triangle a grid was best on half of the scenes.
+    /// The number of rays per triangle up to which the grid was best on half of the scenes.
     usual_rays_each: f64,
 }
 
-/// Equations 7 and 8 of the paper, for one structure: seconds for each N log₂ N, and of a ray for each log₂ N.
+/// Equations 7 and 8 of the paper for one structure: seconds of the build per N log₂ N, and of a ray per log₂ N.
 #[derive(Clone, Copy, Debug)]
 struct Law {
     build: f64,
     ray: f64,
 }
 
-/// Of one structure.
+/// The model of one structure.
 #[derive(Clone, Debug)]
 struct Model {
     structure: Structure,
@@ -53,8 +53,8 @@ struct OpeningModel {
     rays: Linear,
 }
 
-/// What the models depend on. How long a triangle took in the grid means something where the machine is that of the
-/// calibration; elsewhere it is taken for what it is everywhere, and counts for nothing.
+/// The inputs of the models. The grid's build time per triangle is an input only on the machine of the calibration; elsewhere it is
+/// constant, and has no effect.
 fn row(features: &Features, grid: &Times, is_same_machine: bool) -> Row {
     let per_triangle = grid.build_seconds / features.triangles.max(1) as f64;
     [
@@ -73,8 +73,8 @@ fn row(features: &Features, grid: &Times, is_same_machine: bool) -> Row {
 }
 
 impl Estimator {
-    /// By what a calibration has of rays of one scheme, or of all if it has none of these. Whether it is of this machine is found
-    /// out.
+    /// Fits the scenes of a calibration with rays of one distribution, or all scenes if none has such rays. Detects whether the
+    /// calibration is of this machine.
     pub fn of(calibration: &Calibration, scheme: RayScheme) -> Self {
         let is_same_machine = calibration.machine == Machine::here();
         if calibration.of_scheme(scheme).next().is_none() {
@@ -83,8 +83,8 @@ impl Estimator {
         Self::fit(calibration.of_scheme(scheme), is_same_machine)
     }
 
-    /// Fitted to scenes that were all measured on one machine, this one or another, with one scheme of rays. A structure that no
-    /// scene has is not estimated.
+    /// Fits scenes measured on one machine, this one or another, with one distribution of rays. A structure that no scene has is
+    /// not estimated.
     pub fn fit<'a>(
         scenes: impl IntoIterator<Item = &'a MeasuredScene>,
         is_same_machine: bool,
@@ -101,7 +101,7 @@ impl Estimator {
         }
     }
 
-    /// What each structure costs over a scene whose grid cost so much; the grid first, as it is.
+    /// The times of each structure over a scene with these features and times of its grid; the grid first, unchanged.
     pub fn estimate(&self, features: &Features, grid: &Times) -> Vec<(Structure, Times)> {
         let row = row(features, grid, self.is_same_machine);
         let others = self.models.iter().map(|model| {
@@ -121,8 +121,8 @@ impl Estimator {
             .collect()
     }
 
-    /// What each structure costs by the number of triangles alone (the paper's equations 7 and 8), the grid and those that are
-    /// built where rays go left out.
+    /// The times of each structure by the number of triangles alone (the paper's equations 7 and 8), without the grid and the lazy
+    /// tree.
     pub fn by_size(&self, triangles: u64) -> Vec<(Structure, Times)> {
         let are_built =
             |structure: Structure| !matches!(structure, Structure::Grid | Structure::Lazy);
@@ -135,7 +135,7 @@ impl Estimator {
             .collect()
     }
 
-    /// What a grid costs by the number of triangles alone; a nanosecond each if none was measured.
+    /// The times of a grid by the number of triangles alone; a nanosecond each if no grid was measured.
     pub fn grid_by_size(&self, triangles: u64) -> Times {
         let grid = self
             .by_size
@@ -144,9 +144,8 @@ impl Estimator {
         grid.map_or(Times::new(1e-9, 1e-9), |(_, law)| law.at(triangles))
     }
 
-    /// Whether a grid is worth a try for so many rays: not where there are more for each triangle than up to which it was best on
-    /// half of the scenes that were measured. Trying it costs what it takes to build, which is lost where another structure is
-    /// chosen then.
+    /// Whether a trial of a grid pays for `rays` rays: the rays per triangle are at most the number up to which the grid was best
+    /// on half of the measured scenes. A trial costs the build of the grid, which is lost if another structure is chosen.
     pub fn may_be_few(&self, triangles: u64, rays: f64) -> bool {
         rays <= self.usual_rays_each * triangles as f64
     }
@@ -158,7 +157,7 @@ impl Law {
             let times = scene.times_of(structure)?;
             Some((scene.features.triangles, times))
         });
-        // Two triangles have one level: twice the factor of the one, and that of the other.
+        // Two triangles have N log₂ N = 2 and log₂ N = 1: twice the factor of the build, and the factor of a ray.
         let unit = Hierarchy::estimate(measured, 2)?;
         Some(Self {
             build: unit.build_seconds / 2.0,
@@ -172,15 +171,15 @@ impl Law {
     }
 }
 
-/// Up to how many rays for each triangle the grid was best on a scene in the middle of all; none without scenes.
+/// The median, over scenes, of the number of rays per triangle up to which the grid was best; 0 without scenes.
 fn usual_rays_each(scenes: &[&MeasuredScene]) -> f64 {
     let mut each: Vec<f64> = scenes.iter().filter_map(|scene| rays_each(scene)).collect();
     each.sort_by(f64::total_cmp);
     each.get(each.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Up to how many rays for each triangle the grid was best, beside what is built before rays are asked; without end if it always
-/// is.
+/// The number of rays per triangle up to which the grid was best among structures that are built before rays are traced; infinite
+/// if it always is.
 fn rays_each(scene: &MeasuredScene) -> Option<f64> {
     let grid = scene.times_of(Structure::Grid)?;
     let built = scene
@@ -205,7 +204,7 @@ impl Model {
             builds.push((times.build_seconds / grid.build_seconds).ln());
             rays.push((times.ray_seconds / grid.ray_seconds).ln());
             if let Some(opening) = times.opening {
-                // Nothing to be opened is taken for a nanosecond.
+                // The logarithm needs a positive number: at least a nanosecond.
                 let seconds = opening.seconds.max(1e-9);
                 opening_seconds.push((seconds / grid.build_seconds).ln());
                 opening_rays.push((opening.rays / scene.features.triangles as f64).ln());
@@ -234,7 +233,7 @@ mod tests {
 
     use super::*;
 
-    /// Scenes whose trees cost more the larger their triangles are.
+    /// Scenes whose tree build times grow with the size of their triangles.
     fn scenes() -> Vec<MeasuredScene> {
         let scene = |i: u32| {
             let features = Features {
@@ -305,7 +304,7 @@ mod tests {
         }
     }
 
-    /// On another machine, which takes twice as long for everything, everything is estimated to.
+    /// On a machine that takes twice as long for everything, all estimates double.
     #[test]
     fn the_speed_of_the_machine_does_not_matter() {
         let scenes = scenes();
@@ -324,9 +323,9 @@ mod tests {
         );
     }
 
-    /// Meshes whose triangles take a grid longer, and nothing else: only on the machine that was measured does that show.
+    /// Meshes whose triangles slow down the grid alone: the model can use that only on the measured machine.
     #[test]
-    fn a_slow_mesh_is_told_from_a_slow_machine() {
+    fn a_slow_mesh_is_distinguished_from_a_slow_machine() {
         let mut scenes = scenes();
         for scene in &mut scenes {
             let features = scene.features;
@@ -349,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn what_opens_on_the_way_is_estimated_too() {
+    fn opening_costs_are_estimated() {
         let mut scenes = scenes();
         for scene in &mut scenes {
             let grid = scene.times[&Structure::Grid];
@@ -408,13 +407,10 @@ mod tests {
     }
 
     #[test]
-    fn very_many_rays_need_no_grid() {
+    fn many_rays_need_no_trial() {
         let estimator = Estimator::fit(&scenes(), true);
         assert!(estimator.may_be_few(1000, 10.0), "a few");
-        assert!(
-            !estimator.may_be_few(1000, 1e9),
-            "more than a grid was ever good for"
-        );
+        assert!(!estimator.may_be_few(1000, 1e9), "more than a grid suits");
         let nothing = Estimator::fit([], true);
         assert!(!nothing.may_be_few(1000, 1.0), "nothing is known");
     }

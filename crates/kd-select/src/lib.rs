@@ -1,8 +1,12 @@
-//! Which structure answers so many rays soonest: a grid is there at once, a hierarchy is faster for each ray.
+//! The choice of the structure that finishes first for a number of rays: a grid is built faster, a hierarchy is faster for each
+//! ray.
 //!
-//! [`paper`] has the decision of Hapala, Karlík and Havran, *When It Makes Sense to Use Uniform Grids for Ray Tracing* (2011),
-//! step by step. [`Estimator`] widens it: to every structure of the library, and to estimates from more than the number of
-//! triangles. Both rest on a [`Calibration`]: what was measured over a set of scenes. Nothing here builds or measures anything.
+//! [`paper`] implements the decision of Hapala, Karlík and Havran, *When It Makes Sense to Use Uniform Grids for Ray Tracing*
+//! (2011), step by step. [`Estimator`] extends it to every structure of the library, and to estimates from more than the number
+//! of triangles. Both use a [`Calibration`]: times measured over a set of scenes. This crate builds and measures nothing.
+//!
+//! The feature `json` adds `Calibration::read` and `Calibration::to_json`. The calibration that comes with the library is Rust
+//! data and does not need it.
 //!
 //! ```
 //! use kd_select::{Calibration, Choice, Estimator, Features, RayScheme, Structure, Times};
@@ -10,7 +14,7 @@
 //! let calibration = Calibration::built_in();
 //! let estimator = Estimator::of(&calibration, RayScheme::Random);
 //!
-//! // A grid was built in 12 ms, its statistics were taken, and some rays were traced through it.
+//! // A grid was built in 12 ms; its statistics and a sample of rays are known.
 //! let features = Features {
 //!     triangles: 200_000,
 //!     refs_per_triangle: 2.6,
@@ -29,6 +33,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod built_in;
 mod calibration;
 mod choose;
 mod estimate;

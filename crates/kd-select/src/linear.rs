@@ -1,15 +1,15 @@
 //! Linear models of few terms.
 
-/// How many features there are.
+/// Number of features.
 pub(crate) const TERMS: usize = 7;
 
 /// The features of a scene.
 pub(crate) type Row = [f64; TERMS];
 
-/// A value that depends on features: a mean, and for each feature so much for each standard deviation from its mean.
+/// A linear function of features: a mean, and for each feature a weight per standard deviation from the feature's mean.
 ///
-/// Fitted by least squares with a penalty on the weights (A. Hoerl and R. Kennard, *Ridge Regression*, 1970): with few scenes,
-/// a feature that explains little should have little to say.
+/// Fitted by least squares with a penalty on the weights (A. Hoerl and R. Kennard, *Ridge Regression*, 1970): with few scenes, a
+/// feature that explains little gets a small weight.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Linear {
     mean: f64,
@@ -23,11 +23,11 @@ struct Feature {
     weight: f64,
 }
 
-/// Features count for no more than so many standard deviations: nothing was measured out there.
+/// Features are clamped to this number of standard deviations: the calibration has no scenes beyond.
 const FURTHEST: f64 = 3.0;
 
 impl Linear {
-    /// Of values at rows, as many as there are rows. `None` without any. A penalty of 1 weighs as much as one row.
+    /// Fits one value per row. `None` without rows. A penalty of 1 weighs as much as one row.
     pub(crate) fn fit(rows: &[Row], values: &[f64], penalty: f64) -> Option<Self> {
         if rows.is_empty() {
             return None;
@@ -67,7 +67,7 @@ impl Linear {
         self.mean + terms.map(|(x, feature)| x * feature.weight).sum::<f64>()
     }
 
-    /// In standard deviations from the mean; 0 for a feature that is the same everywhere.
+    /// A row in standard deviations from the mean; 0 for a constant feature.
     fn standard(&self, row: &Row) -> Row {
         let mut standard = *row;
         for (x, feature) in standard.iter_mut().zip(&self.features) {
@@ -81,7 +81,7 @@ impl Linear {
     }
 }
 
-/// Gaussian elimination; the matrix is symmetric and positive, so the diagonal serves for pivots.
+/// Gaussian elimination. The matrix is symmetric and positive definite, so the diagonal serves as pivots.
 fn solved(mut matrix: [Row; TERMS], mut right: Row) -> Row {
     for pivot in 0..TERMS {
         let pivot_row = matrix[pivot];
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_linear_is_found() {
+    fn a_linear_function_is_found() {
         let value = |row: &Row| 3.0 + 2.0 * row[0] - 0.5 * row[2] + 0.25 * row[3];
         let rows = rows();
         let values: Vec<f64> = rows.iter().map(value).collect();
@@ -139,13 +139,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_far_out_is_believed() {
+    fn features_far_from_the_mean_are_clamped() {
         let rows = rows();
         let values: Vec<f64> = rows.iter().map(|row| row[0]).collect();
         let linear = Linear::fit(&rows, &values, 1e-9).expect("rows");
         let at = |x: f64| linear.at(&[x, 8.0, 8.0, 8.0, 8.0, 8.0, 7.0]);
-        assert_eq!(at(1e3), at(1e9), "both are far out");
+        assert_eq!(at(1e3), at(1e9), "both are clamped");
         let one = Linear::fit(&rows[..1], &values[..1], 1.0).expect("one row");
-        assert_eq!(one.at(&rows[7]), values[0], "the only one there is");
+        assert_eq!(one.at(&rows[7]), values[0], "the only value");
     }
 }

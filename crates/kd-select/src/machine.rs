@@ -1,22 +1,24 @@
-//! Which machine this is.
+//! The identity of a machine.
 
 use std::fmt;
 
 use kd_trace::Level;
+#[cfg(feature = "json")]
 use serde::{Deserialize, Serialize};
 
-/// A machine, as far as times depend on it: two that are equal here should take about as long.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A machine, as far as times depend on it: equal machines should take about the same times.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(deny_unknown_fields))]
 pub struct Machine {
-    /// The name that the processor gives itself, with its family, model and stepping; where it gives none, its architecture.
+    /// The brand name of the processor with its family, model and stepping; its architecture if it has no name.
     pub cpu: String,
-    /// The instructions that rays are traced with: `avx2` or `portable`.
+    /// The level of instructions that traces rays: `avx2` or `portable`.
     pub level: String,
 }
 
 impl Machine {
-    /// This one.
+    /// This machine.
     pub fn here() -> Self {
         Self {
             cpu: name_of_cpu().unwrap_or_else(|| std::env::consts::ARCH.into()),
@@ -36,7 +38,7 @@ fn name_of_cpu() -> Option<String> {
     let cpu = raw_cpuid::CpuId::new();
     let brand = cpu.get_processor_brand_string()?;
     let name = brand.as_str().trim();
-    // Virtual machines give several processors one name.
+    // Virtual machines give several processors the same name.
     let info = cpu.get_feature_info()?;
     let (family, model, stepping) = (info.family_id(), info.model_id(), info.stepping_id());
     Some(format!("{name} ({family}, {model}, {stepping})"))
@@ -52,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_knows_itself() {
+    fn this_machine_has_one_identity() {
         let here = Machine::here();
         assert_eq!(here, Machine::here(), "the same twice");
         assert!(!here.cpu.is_empty() && !here.level.is_empty(), "{here}");

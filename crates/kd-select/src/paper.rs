@@ -1,53 +1,52 @@
-//! The decision of the paper between a grid and a hierarchy (Hapala, Karlík and Havran 2011, section 3), and the rule before
-//! it (Havran, Přikryl and Purgathofer 2000).
+//! The decision of the paper between a grid and a hierarchy (Hapala, Karlík and Havran 2011, section 3), and the earlier rule of
+//! Havran, Přikryl and Purgathofer (2000).
 //!
 //! The eight steps:
 //!
-//! 1. A uniform grid is built, and T_G is how long that took.
-//! 2. A few hundred rays like those to come are traced through it: t_G is what one takes.
-//! 3. [`Hierarchy::estimate`] tells T_H, what building the hierarchy would take, by equation 7;
-//! 4. and t_H, what a ray in it would take, by equation 8.
-//! 5. If a ray in the hierarchy takes no less than in the grid, the grid is kept.
-//! 6. Otherwise R_C = T_H / (t_G (1 + ε) − t_H) rays take as long in either, with what the grid took already spent.
-//! 7. For fewer rays than that the grid is kept. (The paper prints the inequality the other way round; its own discussion
-//!    after it has it right.)
-//! 8. For more, the hierarchy is built.
+//! 1. Build a uniform grid; T_G is the build time.
+//! 2. Trace a few hundred rays like those to come through it; t_G is the time of a ray.
+//! 3. Estimate T_H, the build time of the hierarchy, by equation 7 ([`Hierarchy::estimate`]).
+//! 4. Estimate t_H, the time of a ray in the hierarchy, by equation 8.
+//! 5. If t_H is not less than t_G, keep the grid.
+//! 6. Otherwise compute R_C = T_H / (t_G (1 + ε) − t_H), the number of rays with equal times, the grid being built already.
+//! 7. For fewer rays keep the grid. (The paper prints the inequality reversed; its own discussion has it right.)
+//! 8. For more rays build the hierarchy.
 
 use crate::times::Times;
 
-/// The paper's ε, which keeps the divisor from being nearly zero.
+/// The paper's ε, which keeps the divisor away from zero.
 pub const EPSILON: f64 = 0.01;
 
-/// Up to which standard deviation of references per cell a grid is the better structure for any number of rays, as the paper
-/// reads the figures of Havran et al.
+/// The largest standard deviation of references per cell at which a grid is the better structure for any number of rays, as the
+/// paper reads the figures of Havran et al.
 pub const REGULAR_SIGMA: f64 = 2.0;
 
-/// What a hierarchy that is not there would take.
+/// The estimated times of a hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hierarchy {
-    /// Building it, in seconds.
+    /// Time of the build, in seconds.
     pub build_seconds: f64,
-    /// A ray, in seconds.
+    /// Time of a ray, in seconds.
     pub ray_seconds: f64,
 }
 
-/// Where the decision was made.
+/// The step that decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// Step 5: the grid is kept, since its rays are no slower.
+    /// Step 5 keeps the grid: its rays are no slower.
     GridIsFaster,
-    /// Step 7: the grid is kept, since there are few rays.
+    /// Step 7 keeps the grid: the rays are few.
     FewRays,
-    /// Step 8: the hierarchy is built, since there are many.
+    /// Step 8 builds the hierarchy: the rays are many.
     ManyRays,
 }
 
-/// What was decided.
+/// A decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperDecision {
-    /// Where.
+    /// The step that decided.
     pub step: Step,
-    /// R_C of step 6; infinite where step 5 decides.
+    /// R_C of step 6; infinite if step 5 decides.
     pub critical_rays: f64,
 }
 
@@ -58,14 +57,14 @@ impl PaperDecision {
     }
 }
 
-/// The logarithm that time grows with; a single triangle counts as two.
+/// log₂ of a number of triangles; a single triangle counts as two.
 pub(crate) fn log2(triangles: u64) -> f64 {
     (triangles.max(2) as f64).log2()
 }
 
 impl Hierarchy {
-    /// Equations 7 and 8: build times grow with N log₂ N and ray times with log₂ N, both by the mean of what was measured on
-    /// the scenes of a calibration, given by their triangles and the hierarchy's times. `None` without scenes.
+    /// Equations 7 and 8: build times grow with N log₂ N and ray times with log₂ N. The factors are means over the scenes of a
+    /// calibration, given by their triangles and the hierarchy's times. `None` without scenes.
     pub fn estimate<'a>(
         measured: impl IntoIterator<Item = (u64, &'a Times)>,
         triangles: u64,
@@ -82,8 +81,8 @@ impl Hierarchy {
         })
     }
 
-    /// Step 6: the number of rays for which both take as long, once the grid is there; infinite where the grid's rays are
-    /// faster by more than ε. `grid_ray_seconds` is t_G.
+    /// Step 6: the number of rays with equal times once the grid is built; infinite if the grid's rays are faster by more than
+    /// ε. `grid_ray_seconds` is t_G.
     pub fn critical_rays(&self, grid_ray_seconds: f64, epsilon: f64) -> f64 {
         let gain = grid_ray_seconds * (1.0 + epsilon) - self.ray_seconds;
         if gain > 0.0 {
@@ -94,7 +93,7 @@ impl Hierarchy {
     }
 }
 
-/// Steps 5 to 8 for so many rays. `grid_ray_seconds` is t_G, of a sample.
+/// Steps 5 to 8 for `rays` rays. `grid_ray_seconds` is t_G, of a sample.
 pub fn decide(
     grid_ray_seconds: f64,
     hierarchy: &Hierarchy,
@@ -119,7 +118,7 @@ pub fn decide(
     }
 }
 
-/// The rule of Havran et al.: a grid where cells hold much the same number of triangles, whatever the number of rays.
+/// The rule of Havran et al.: a grid if cells have similar numbers of references, for any number of rays.
 pub fn is_regular(standard_deviation: f64) -> bool {
     standard_deviation <= REGULAR_SIGMA
 }
@@ -177,7 +176,7 @@ mod tests {
                 ray_seconds: tree.ray_seconds,
             };
             let critical = hierarchy.critical_rays(grid.ray_seconds, 0.0);
-            assert!(critical > total, "{name}: the grid is paid for already");
+            assert!(critical > total, "{name}: the grid is built already");
         }
     }
 
@@ -197,11 +196,7 @@ mod tests {
             "which is kept"
         );
         let slower = decide(1e-6, &hierarchy, 1e12, EPSILON);
-        assert_eq!(
-            slower.step,
-            Step::GridIsFaster,
-            "as fast is enough for step 5"
-        );
+        assert_eq!(slower.step, Step::GridIsFaster, "step 5 decides");
         assert!(
             slower.keeps_grid() && slower.critical_rays.is_infinite(),
             "{slower:?}"

@@ -1,49 +1,49 @@
-//! Trying a grid on some of the rays, before it is decided (step 2 of the paper).
+//! The trial of a grid on a sample of rays, before the decision (step 2 of the paper).
 
-/// So many rays are enough: the paper takes 100 to 1000.
+/// Number of rays of a sample: the paper takes 100 to 1000.
 pub const RAYS: usize = 512;
-/// Rays that are asked one after the other, and timed together.
+/// Number of consecutive rays that are timed together.
 pub const RUN: usize = 8;
-/// With no more rays to come there is nothing to try a grid on: it is kept.
+/// For at most this number of rays no trial is made: the grid is kept.
 pub const HARDLY_ANY: u64 = 64;
 
-/// So many runs are asked whatever they take, the first of which warms up: with fewer, most rays of a scene may be unlike those
-/// that were asked.
+/// Least number of runs, of which the first warms up: fewer would not represent the rays of a scene.
 const FEWEST_RUNS: usize = 5;
-/// After these, a try ends when it has taken this part of what the grid took to build: it is to save time.
+/// After these runs, a trial ends once it has taken this share of the build time of the grid.
 const MOST_OF_BUILD: f64 = 0.25;
 
-/// The most rays of a sample where so many are to come: an eighth of them.
+/// The largest number of rays of a sample: an eighth of the rays to come.
 pub fn most_rays(to_come: u64) -> u64 {
     (to_come / 8).min(RAYS as u64)
 }
 
-/// What a run of rays told.
+/// The result of a run of rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
-    /// How many they are.
+    /// Number of rays.
     pub rays: usize,
-    /// How many of them hit.
+    /// Number of rays that hit something.
     pub hits: usize,
-    /// What they took, if there is a clock.
+    /// Their time in seconds; `None` without a clock.
     pub seconds: Option<f64>,
 }
 
-/// What a sample told.
+/// The result of a trial.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tried {
-    /// Of all runs: rays, hits, seconds.
+    /// Sums over all runs.
     rays: usize,
     hits: usize,
     seconds: f64,
-    /// Of those after the first one, if there are any.
+    /// Sums over the runs after the first.
     warm_rays: usize,
     warm_seconds: f64,
 }
 
 impl Tried {
-    /// Asks runs of a sample, told by their places among so many: from all over it, until they are so many rays, or a quarter of
-    /// the time is spent that the grid took to build; but one run at least, and five whatever they take, if there are so many.
+    /// Traces runs of a sample of `runs` runs, by calling `ask` with their indices, spread evenly over the sample. Ends after
+    /// `most_rays` rays, or after a quarter of the build time of the grid, but not before one run, and not for its time before five
+    /// runs.
     pub fn ask(
         runs: usize,
         most_rays: u64,
@@ -70,7 +70,7 @@ impl Tried {
         tried
     }
 
-    /// What a ray takes, of those after the first run, if there are any. `None` without rays, or a clock.
+    /// The time of a ray in seconds, without the first run if others follow. `None` without rays or without a clock.
     pub fn ray_seconds(&self) -> Option<f64> {
         let (rays, seconds) = match self.warm_rays {
             0 => (self.rays, self.seconds),
@@ -79,19 +79,19 @@ impl Tried {
         (rays > 0 && seconds > 0.0).then(|| seconds / rays as f64)
     }
 
-    /// The part of all that hit.
+    /// The share of rays that hit something.
     pub fn hit_share(&self) -> f64 {
         self.hits as f64 / self.rays.max(1) as f64
     }
 
-    /// What it took.
+    /// The time of the trial in seconds.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 }
 
-/// The numbers below `count`, in an order in which the first ones, however many, are spread evenly over all (J. G. van der
-/// Corput, *Verteilungsfunktionen*, 1935).
+/// The numbers below `count`, in an order whose every prefix is spread evenly (J. G. van der Corput, *Verteilungsfunktionen*,
+/// 1935).
 fn spread_evenly(count: usize) -> impl Iterator<Item = usize> {
     let places = count.next_power_of_two();
     let shift = usize::BITS - places.trailing_zeros();
@@ -105,9 +105,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_ones_are_spread_over_all() {
+    fn every_prefix_is_spread_evenly() {
         assert!(spread_evenly(8).eq([0, 4, 2, 6, 1, 5, 3, 7]), "by bits");
-        assert!(spread_evenly(5).eq([0, 4, 2, 1, 3]), "as far as there are");
+        assert!(spread_evenly(5).eq([0, 4, 2, 1, 3]), "those below 5");
         assert!(spread_evenly(1).eq([0]), "the only one");
         assert_eq!(spread_evenly(0).count(), 0, "of nothing, nothing");
         let mut all: Vec<usize> = spread_evenly(1000).collect();
@@ -115,7 +115,7 @@ mod tests {
         assert!(all.into_iter().eq(0..1000), "each once");
     }
 
-    /// Places that were asked, and what they told, if a run takes so many seconds.
+    /// The traced places and the result, if a run takes `seconds` seconds.
     fn tried(runs: usize, seconds: Option<f64>) -> (Vec<usize>, Tried) {
         let mut places = Vec::new();
         let tried = Tried::ask(runs, 400, 100.0, |place| {
@@ -131,8 +131,8 @@ mod tests {
     }
 
     #[test]
-    fn a_try_ends_after_a_quarter_of_the_build_and_not_before_five_runs() {
-        // Ten for the first one, and one for each of sixteen others.
+    fn a_trial_ends_after_a_quarter_of_the_build_and_not_before_five_runs() {
+        // Ten seconds for the first run, and one for each of sixteen others.
         let (places, some) = tried(64, Some(1.0));
         assert_eq!(places.len(), 17, "26 seconds are more than 25");
         assert_eq!(some.seconds(), 26.0, "all of them");
@@ -142,11 +142,11 @@ mod tests {
         assert_eq!(places, [0, 32, 16, 48, 8], "five at least");
         assert_eq!(slow.ray_seconds(), Some(125.0), "of four");
         let (places, _) = tried(3, Some(1e-3));
-        assert_eq!(places.len(), 3, "all there are");
+        assert_eq!(places.len(), 3, "all runs");
     }
 
     #[test]
-    fn no_more_are_asked_than_an_eighth_of_what_is_to_come() {
+    fn a_trial_traces_at_most_an_eighth_of_the_rays_to_come() {
         let asked = |to_come: u64| {
             let run = Run {
                 rays: RUN,
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_not_told() {
+    fn a_trial_without_a_clock_has_no_times() {
         let (places, timeless) = tried(64, None);
         assert_eq!(places.len(), 50, "no time is spent, but these are 400");
         assert_eq!(timeless.ray_seconds(), None, "no clock");

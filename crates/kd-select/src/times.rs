@@ -1,18 +1,21 @@
-//! What structures cost.
+//! Structures and their times.
 
 use std::fmt;
 
+#[cfg(feature = "json")]
 use serde::{Deserialize, Serialize};
 
-/// What can be chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+/// A structure that can be chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Structure {
     /// A uniform grid.
     Grid,
-    /// A bounding volume hierarchy of objects, laid out wide.
-    Bvh,
+    /// Wide nodes of objects: triangles divided by their centres, without a kd-tree. Older files call it `bvh`.
+    #[cfg_attr(feature = "json", serde(alias = "bvh"))]
+    Objects,
     /// A kd-tree of the preset `fast`.
     Fast,
     /// A kd-tree of the preset `balanced`.
@@ -24,21 +27,21 @@ pub enum Structure {
 }
 
 impl Structure {
-    /// All of them, those that are soonest there first.
+    /// All structures, in the usual order of their build times.
     pub const ALL: [Self; 6] = [
         Self::Grid,
         Self::Lazy,
-        Self::Bvh,
+        Self::Objects,
         Self::Fast,
         Self::Balanced,
         Self::Best,
     ];
 
-    /// As calibration files have it.
+    /// The name in calibration files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Grid => "grid",
-            Self::Bvh => "bvh",
+            Self::Objects => "objects",
             Self::Fast => "fast",
             Self::Balanced => "balanced",
             Self::Best => "best",
@@ -53,31 +56,36 @@ impl fmt::Display for Structure {
     }
 }
 
-/// What a structure costs over a scene, measured or estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The times of a structure over a scene, measured or estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(deny_unknown_fields))]
 pub struct Times {
-    /// Until the first ray can be asked, in seconds.
+    /// Time until the first ray can be traced, in seconds.
     pub build_seconds: f64,
-    /// Of a ray, in seconds.
+    /// Time of a ray, in seconds.
     pub ray_seconds: f64,
-    /// What rays pay besides, in a structure that is built where they go.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The additional cost of rays in a structure that is built where they go.
+    #[cfg_attr(
+        feature = "json",
+        serde(default, skip_serializing_if = "Option::is_none")
+    )]
     pub opening: Option<Opening>,
 }
 
-/// The cost of building where rays go: after `r` rays it is `seconds · (1 − exp(−r / rays))`, ever less for each.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The cost of building where rays go: `seconds · (1 − exp(−r / rays))` after `r` rays, so that each ray pays less than the last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "json", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "json", serde(deny_unknown_fields))]
 pub struct Opening {
-    /// After any number of rays, in seconds.
+    /// The limit for many rays, in seconds.
     pub seconds: f64,
-    /// The number of rays after which 63 % of it are paid.
+    /// The number of rays that pay 63 % of it.
     pub rays: f64,
 }
 
 impl Times {
-    /// Of what is built before rays are asked.
+    /// Times of a structure that is built before rays are traced.
     pub const fn new(build_seconds: f64, ray_seconds: f64) -> Self {
         Self {
             build_seconds,
@@ -86,13 +94,13 @@ impl Times {
         }
     }
 
-    /// The seconds that building it and so many rays take.
+    /// The time of the build and of `rays` rays, in seconds.
     pub fn total(&self, rays: f64) -> f64 {
         let opening = self.opening.map_or(0.0, |opening| opening.after(rays));
         self.build_seconds + opening + rays * self.ray_seconds
     }
 
-    /// Whether all of it is finite, building and rays take time, and opening takes none that is negative.
+    /// Whether all times are finite, those of build and rays are positive, and that of opening is not negative.
     pub fn are_sound(&self) -> bool {
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
         let opening = self.opening.is_none_or(|opening| {
@@ -103,16 +111,16 @@ impl Times {
 }
 
 impl Opening {
-    /// The seconds that are paid after so many rays.
+    /// The cost of the first `rays` rays, in seconds.
     pub fn after(&self, rays: f64) -> f64 {
         -self.seconds * (-rays / self.rays).exp_m1()
     }
 }
 
-/// The number of rays for which both take as long, if there is one: (T_H − T_G) / (t_G − t_H), with the times of building and
-/// of a ray of the one that is there sooner and of the other. Both are built before rays are asked.
+/// The number of rays with equal totals, if it exists: (T_H − T_G) / (t_G − t_H), with build times T and ray times t of the structure
+/// that is built faster (G) and of the other one (H). Both are built before rays are traced.
 ///
-/// `None` where the one that is there sooner is also as fast for rays, or faster: then it is always better.
+/// `None` if the rays of the structure that is built faster are no slower: it is always better.
 pub fn break_even(sooner: &Times, later: &Times) -> Option<f64> {
     let gain = sooner.ray_seconds - later.ray_seconds;
     (gain > 0.0).then(|| ((later.build_seconds - sooner.build_seconds) / gain).max(0.0))
@@ -136,9 +144,17 @@ mod tests {
             "fewer rays"
         );
         assert!(grid.total(2.0 * rays) > tree.total(2.0 * rays), "more rays");
-        assert_eq!(break_even(&tree, &grid), None, "built later and slower");
+        assert_eq!(
+            break_even(&tree, &grid),
+            None,
+            "slower to build and to trace"
+        );
         let better = Times::new(0.001, 1e-6);
-        assert_eq!(break_even(&grid, &better), Some(0.0), "sooner and faster");
+        assert_eq!(
+            break_even(&grid, &better),
+            Some(0.0),
+            "faster to build and to trace"
+        );
     }
 
     #[test]
@@ -151,7 +167,7 @@ mod tests {
             opening: Some(opening),
             ..Times::new(1.0, 1e-6)
         };
-        assert_eq!(lazy.total(0.0), 1.0, "nobody asked");
+        assert_eq!(lazy.total(0.0), 1.0, "no rays");
         let after = |rays: f64| opening.after(rays) / opening.seconds;
         assert!((after(100.0) - 0.632).abs() < 1e-3, "most of it");
         assert!((after(1e9) - 1.0).abs() < 1e-12, "all of it");
@@ -159,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn times_that_cannot_be_are_not_sound() {
+    fn impossible_times_are_not_sound() {
         let good = Times::new(1.0, 1.0);
         assert!(good.are_sound(), "plain");
         for (build, ray) in [

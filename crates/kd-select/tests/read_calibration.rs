@@ -1,4 +1,4 @@
-//! Calibration files that were damaged: a typed error, or a calibration that is one.
+//! Damaged calibration files give a typed error or a sound calibration.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use kd_select::{
 };
 use proptest::prelude::*;
 
-/// Of this machine, with all that a file may have.
+/// A calibration of this machine with every field of a file.
 fn example() -> Calibration {
     let scene = |scene: &str, rays, triangles: u32| {
         let size = f64::from(triangles);
@@ -44,7 +44,7 @@ fn example() -> Calibration {
     Calibration::new(1, "2026-11-28".into(), "0123abcd".into(), scenes)
 }
 
-/// Reads a text, and holds what comes of it to what is promised. Decisions from it are made, whatever they are.
+/// Reads a text and checks the guarantees of the result. Makes decisions from it.
 #[track_caller]
 fn check(text: &str) -> Result<Calibration, CalibrationError> {
     let read = Calibration::read(text);
@@ -69,7 +69,7 @@ fn check(text: &str) -> Result<Calibration, CalibrationError> {
     read
 }
 
-/// Where the numbers of a text are.
+/// The ranges of numbers in a text.
 fn numbers(text: &str) -> Vec<std::ops::Range<usize>> {
     let bytes = text.as_bytes();
     let is_of_number = |byte: &u8| byte.is_ascii_digit() || b"+-.e".contains(byte);
@@ -107,9 +107,9 @@ fn the_example_is_right() {
     assert_eq!(check(&example().to_json()), Ok(example()), "as it was");
 }
 
-/// Every number of a file, in turn, by what no clock and no grid tells.
+/// Replaces every number of a file, in turn, by impossible numbers.
 #[test]
-fn numbers_that_cannot_be_are_refused() {
+fn impossible_numbers_are_refused() {
     let text = example().to_json();
     let numbers = numbers(&text);
     assert_eq!(numbers.len(), 2 + 3 * 13, "format, threads, and of scenes");
@@ -134,7 +134,7 @@ fn numbers_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn what_is_cut_off_is_refused() {
+fn truncated_files_are_refused() {
     let text = example().to_json();
     for end in 0..text.trim_end().len() {
         let refused = check(&text[..end]).expect_err("half a file");
@@ -144,7 +144,7 @@ fn what_is_cut_off_is_refused() {
 }
 
 #[test]
-fn a_byte_that_is_wrong_does_no_harm() {
+fn a_wrong_byte_does_no_harm() {
     let bytes = example().to_json().into_bytes();
     let (mut right, mut refused) = (0, 0);
     for at in 0..bytes.len() {
@@ -161,13 +161,13 @@ fn a_byte_that_is_wrong_does_no_harm() {
     assert!(refused > 1000, "{refused}");
 }
 
-/// What is done to a text. Places are taken from the beginning again where it ends.
+/// A change of a text. Positions wrap around at its end.
 #[derive(Clone, Debug)]
 enum Damage {
     Flip(usize, u8),
     Cut(usize),
     Number(usize, &'static str),
-    /// A part of it once more, somewhere else.
+    /// A copy of a range, inserted elsewhere.
     Repeat(usize, usize, usize),
 }
 
@@ -216,7 +216,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn whatever_happens_to_a_file(damages in prop::collection::vec(damage(), 1..5)) {
+    fn any_damage_to_a_file(damages in prop::collection::vec(damage(), 1..5)) {
         let mut bytes = example().to_json().into_bytes();
         for damage in &damages {
             damage.apply(&mut bytes);

@@ -1,15 +1,19 @@
-//! Counting what a traversal does, where somebody wants to know.
+//! Counting the steps of a traversal.
 
-/// Told about every step of a traversal. `()` does not listen, and costs nothing.
-pub(crate) trait Probe {
-    /// An interior node was visited.
+/// Receives every step of a traversal. `()` ignores them, and costs nothing.
+pub trait Probe {
+    /// An interior node is visited.
     fn node(&mut self) {}
-    /// A leaf was visited, so many triangles are looked at.
+    /// A leaf is visited, and `triangles` triangles are tested.
     fn leaf(&mut self, _triangles: u32) {}
-    /// A block of triangles is looked at at once.
+    /// A block of triangles is tested at once.
     fn block(&mut self) {}
-    /// A triangle was not rejected early.
+    /// A triangle is not rejected early.
     fn decision(&mut self) {}
+    /// A ray is compared with a box. (Nodes of kd-trees have none.)
+    fn ray_box(&mut self) {}
+    /// A packet is compared with a box, as a whole.
+    fn packet_box(&mut self) {}
 }
 
 impl Probe for () {}

@@ -37,10 +37,12 @@ use crate::planes::Frame;
 use arrays::Arrays;
 pub use arrays::Refit;
 pub use binary::{BinaryNode, BinaryTree};
-use box_tree::{BoxTree, Item, Leaves};
+pub use box_tree::Item;
+use box_tree::{BoxTree, Leaves};
 use divide::{Divider, MOST_LEVELS, by_objects, per_area};
 pub use forest::WideForest;
 pub use join::{Join, Joined};
+pub use object_split::ObjectSplit;
 
 /// Cells of more triangles may be divided by the planes of the kd-tree, others only as objects: see [`divide`].
 const PLANES_ABOVE: usize = 1024;

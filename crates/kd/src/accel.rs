@@ -1,4 +1,4 @@
-//! A structure that is chosen by how many rays will be asked.
+//! A structure chosen by the number of rays.
 
 mod budget;
 mod decide;
@@ -10,24 +10,24 @@ use kd_core::{Hit, Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
 use kd_sah::BuildOptions;
 use kd_select::{Calibration, CalibrationError, Estimator, Structure};
-use kd_trace::WideTree;
+use kd_trace::{RayQuery, WideTree};
 use thiserror::Error;
 
 use crate::{KdTree, LazyTree};
 
 pub use budget::RayBudget;
-pub use decide::{Decision, Why};
+pub use decide::{Decision, DecisionReason};
 
-/// A mesh with whichever structure answers so many rays soonest, building included.
+/// A mesh with the structure that finishes first for a budget of rays, build included.
 ///
-/// A grid is there at once and slow for each ray; a kd-tree takes long to build and is fast. Which one pays is a matter of how
-/// many rays there will be (Hapala, Karlík and Havran 2011), and of the mesh. Unless there are many rays for each triangle,
-/// [`auto`](Self::auto) builds a grid, tries it on a few rays, estimates what others would take, and keeps it or builds another:
-/// wide nodes of objects, a kd-tree of one of the presets, or one that is built where rays go. [`decision`](Self::decision) tells what, and why.
+/// A grid is quick to build and slow for each ray; a kd-tree is slow to build and fast for rays. The better one depends on the
+/// number of rays (Hapala, Karlík and Havran 2011) and on the mesh. Unless rays are many for each triangle, [`auto`](Self::auto)
+/// builds a grid, tries it on a few rays, estimates the times of other structures, and keeps the grid or builds another structure:
+/// wide nodes of objects, a kd-tree of one of the presets, or a kd-tree that is built where rays go. [`decision`](Self::decision)
+/// returns the choice and its reason.
 ///
-/// Every query gives what testing all triangles in turn would give, to the bit, whatever was chosen. Which one that is depends
-/// on times that are taken, and so may differ from run to run: where that must not be, [`with`](Self::with) takes the one that
-/// is asked for.
+/// Every query equals a test of every triangle, to the bit, with every structure. The choice depends on measured times, and so may
+/// differ from run to run. [`with`](Self::with) builds a structure of the caller's choice.
 ///
 /// ```
 /// use kd::{Accel, Mesh, Ray, RayBudget};
@@ -39,7 +39,7 @@ pub use decide::{Decision, Why};
 /// };
 /// let positions = (0..5_000).flat_map(post).collect();
 /// let triangles = (0..5_000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-/// let accel = Accel::auto(Mesh::new(positions, triangles)?, RayBudget::rays(10))?;
+/// let accel = Accel::auto(Mesh::new(positions, triangles)?, RayBudget::new(10))?;
 ///
 /// let hit = accel.intersect(&Ray::new([500.1, 0.1, 3.0], [0.0, 0.0, -1.0]));
 /// assert_eq!(hit.map(|hit| hit.triangle), Some(500));
@@ -56,12 +56,12 @@ pub struct Accel {
 #[derive(Debug)]
 enum Built {
     Grid(UniformGrid),
-    Bvh(WideTree),
+    Objects(WideTree),
     Tree(KdTree),
     Lazy(LazyTree),
 }
 
-/// Why there is no structure.
+/// Why a structure was not built.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum AccelError {
@@ -70,35 +70,34 @@ pub enum AccelError {
     Tree(#[from] kd_sah::BuildError),
     /// A grid could not be built.
     #[error(transparent)]
-    Grid(#[from] kd_grid::BuildError),
-    /// A calibration holds what cannot be.
+    Grid(#[from] kd_grid::GridError),
+    /// A calibration has impossible figures.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
 }
 
 impl Accel {
-    /// The structure that answers so many rays soonest, by the [calibration](Calibration::built_in) that comes with the
-    /// library: measured on another machine, of which ratios to the grid's times are used; and times, as far as they tell other
-    /// structures apart, where no grid is tried.
+    /// Chooses a structure for a budget of rays by the [calibration](Calibration::built_in) that comes with the library. It was
+    /// measured on another machine: the choice uses its ratios to the grid's times, and its absolute times only to compare other
+    /// structures when no grid is tried.
     ///
-    /// Builds what it chooses on all cores. A grid that is tried and not kept takes the time of building it on one thread, and
-    /// a quarter more for a sample of rays (or what 40 rays take, if that is more), beside what is chosen; none is tried where
-    /// there are many rays for each triangle.
+    /// Builds the chosen structure on all cores. A grid that is tried and not kept costs its build on one thread, and a quarter more
+    /// for a sample of rays (or the time of 40 rays, if that is longer). No grid is tried if rays are many for each triangle.
     ///
     /// # Errors
     ///
-    /// [`AccelError`], if threads cannot be started, or a tree outgrows its indices.
+    /// [`AccelError`] if threads cannot be started, or a tree outgrows its indices.
     pub fn auto(mesh: impl Into<Arc<Mesh>>, budget: RayBudget) -> Result<Self, AccelError> {
         let estimator = decide::built_in(budget.scheme());
         decide::choose(mesh.into(), &budget, estimator)
     }
 
-    /// [`auto`](Self::auto) by the calibration of this machine, which `cargo xtask paper grid-table --calibration FILE` writes
-    /// and [`Calibration::read`] reads.
+    /// [`auto`](Self::auto) with the calibration of this machine, which `cargo xtask paper grid-table --calibration FILE` writes
+    /// and `Calibration::read` reads (feature `io`).
     ///
     /// # Errors
     ///
-    /// As [`auto`](Self::auto), and [`AccelError::Calibration`] if it holds what cannot be.
+    /// As [`auto`](Self::auto), and [`AccelError::Calibration`] if the calibration has impossible figures.
     pub fn auto_by(
         mesh: impl Into<Arc<Mesh>>,
         budget: RayBudget,
@@ -109,7 +108,7 @@ impl Accel {
         decide::choose(mesh.into(), &budget, &estimator)
     }
 
-    /// A structure of one's own choice.
+    /// Builds a structure of the caller's choice.
     ///
     /// # Errors
     ///
@@ -118,17 +117,17 @@ impl Accel {
         let mesh = mesh.into();
         Ok(Self {
             built: Built::new(&mesh, structure)?,
-            decision: Decision::asked_for(structure),
+            decision: Decision::requested(structure),
             mesh,
         })
     }
 
-    /// What was chosen, and why.
+    /// The choice and its reason.
     pub fn decision(&self) -> &Decision {
         &self.decision
     }
 
-    /// The mesh it is over.
+    /// The mesh.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
@@ -137,8 +136,8 @@ impl Accel {
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         match &self.built {
-            Built::Grid(grid) => grid.intersect(&self.mesh, ray),
-            Built::Bvh(bvh) => bvh.intersect(ray),
+            Built::Grid(grid) => grid.intersect(ray),
+            Built::Objects(wide) => wide.intersect(ray),
             Built::Tree(tree) => tree.intersect(ray),
             Built::Lazy(tree) => tree.intersect(ray),
         }
@@ -148,8 +147,8 @@ impl Accel {
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         match &self.built {
-            Built::Grid(grid) => grid.occluded(&self.mesh, ray),
-            Built::Bvh(bvh) => bvh.occluded(ray),
+            Built::Grid(grid) => grid.occluded(ray),
+            Built::Objects(wide) => wide.occluded(ray),
             Built::Tree(tree) => tree.occluded(ray),
             Built::Lazy(tree) => tree.occluded(ray),
         }
@@ -158,49 +157,65 @@ impl Accel {
     /// As [`KdTree::hits`].
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         match &self.built {
-            Built::Grid(grid) => grid.hits(&self.mesh, ray, max, out),
-            Built::Bvh(bvh) => bvh.hits(ray, max, out),
+            Built::Grid(grid) => grid.hits(ray, max, out),
+            Built::Objects(wide) => wide.hits(ray, max, out),
             Built::Tree(tree) => tree.hits(ray, max, out),
             Built::Lazy(tree) => tree.hits(ray, max, out),
         }
     }
 
-    /// As [`KdTree::intersect_batch`]; of a grid or a lazy tree, ray by ray.
+    /// As [`KdTree::intersect_batch`]; ray by ray through a grid or a lazy tree.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         match &self.built {
-            Built::Grid(_) => {
-                assert_eq!(rays.len(), hits.len(), "one hit per ray");
-                for (ray, hit) in rays.iter().zip(hits) {
-                    *hit = self.intersect(ray);
-                }
-            }
-            Built::Bvh(bvh) => bvh.intersect_batch(rays, hits),
+            Built::Grid(grid) => grid.intersect_batch(rays, hits),
+            Built::Objects(wide) => wide.intersect_batch(rays, hits),
             Built::Tree(tree) => tree.intersect_batch(rays, hits),
             Built::Lazy(tree) => tree.intersect_batch(rays, hits),
         }
     }
 
-    /// As [`KdTree::occluded_batch`]; of a grid or a lazy tree, ray by ray.
+    /// As [`KdTree::occluded_batch`]; ray by ray through a grid or a lazy tree.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         match &self.built {
-            Built::Grid(_) => {
-                assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-                for (ray, occluded) in rays.iter().zip(occluded) {
-                    *occluded = self.occluded(ray);
-                }
-            }
-            Built::Bvh(bvh) => bvh.occluded_batch(rays, occluded),
+            Built::Grid(grid) => grid.occluded_batch(rays, occluded),
+            Built::Objects(wide) => wide.occluded_batch(rays, occluded),
             Built::Tree(tree) => tree.occluded_batch(rays, occluded),
             Built::Lazy(tree) => tree.occluded_batch(rays, occluded),
         }
+    }
+}
+
+impl RayQuery for Accel {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.intersect(ray)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        self.hits(ray, max, out);
+    }
+
+    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.intersect_batch(rays, hits);
+    }
+
+    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.occluded_batch(rays, occluded);
     }
 }
 
@@ -209,9 +224,9 @@ impl Built {
         let mesh = Arc::clone(mesh);
         let options = match structure {
             Structure::Grid => {
-                return Ok(Self::Grid(UniformGrid::build(&mesh, &GridOptions::new())?));
+                return Ok(Self::Grid(UniformGrid::build(mesh, &GridOptions::new())?));
             }
-            Structure::Bvh => return Ok(Self::Bvh(wide_nodes_of(&mesh))),
+            Structure::Objects => return Ok(Self::Objects(wide_nodes_of(&mesh))),
             Structure::Lazy => {
                 let tree = LazyTree::new(mesh, &BuildOptions::balanced())?;
                 return Ok(Self::Lazy(tree));

@@ -93,7 +93,7 @@
 //!
 //! A kd-tree pays where rays are many. Where they may be few, [`Accel::auto`] chooses, given how many there will be: a uniform
 //! grid, wide nodes of objects, or a kd-tree built with more or less care. It has the same queries and the same answers, and
-//! [`Accel::decision`] tells why. The structures are in [`grid`] and [`bvh`], and what the choice rests on in [`select`].
+//! [`Accel::decision`] returns the reason. Grids are in [`grid`], and the basis of the choice in [`select`].
 //!
 //! # Keeping trees
 //!
@@ -113,7 +113,7 @@ mod scene;
 mod traced;
 mod tree;
 
-pub use accel::{Accel, AccelError, Decision, RayBudget, Why};
+pub use accel::{Accel, AccelError, Decision, DecisionReason, RayBudget};
 pub use glam;
 pub use kd_core::{
     Aabb, Axis, CostModel, FileError, Hit, Layout, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
@@ -132,20 +132,12 @@ pub use scene::{
 };
 pub use tree::KdTree;
 
-/// Uniform grids: there at once, slow for each ray where triangles are spread unevenly.
+/// Uniform grids: quick to build, slow for rays where triangles are distributed unevenly.
 pub mod grid {
-    pub use kd_grid::{BuildError, GridOptions, GridStats, Overlap, ThreadsError, UniformGrid};
+    pub use kd_grid::{GridError, GridOptions, GridStats, Overlap, UniformGrid};
 }
 
-/// Bounding volume hierarchies: quickly built, and they move with what is in them.
-pub mod bvh {
-    pub use kd_bvh::{
-        BuildError, Bvh, BvhCounts, BvhMethod, BvhNode, BvhNodeView, BvhOptions, BvhStats,
-        RefitError, ThreadsError,
-    };
-}
-
-/// What choices between structures rest on: calibrations and estimates.
+/// The basis of choices between structures: calibrations and estimates.
 pub mod select {
     pub use kd_select::{
         Calibration, CalibrationError, Choice, Estimator, Features, Machine, MeasuredScene,

@@ -12,8 +12,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-trace", &["kd-core"]),
     ("kd-grid", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
-    ("kd-comparators", &["kd-core", "kd-trace"]),
-    ("kd-bvh", &["kd-core", "kd-tasks", "kd-trace"]),
+    ("kd-comparators", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-scene", &["kd-core"]),
     ("kd-select", &["kd-grid", "kd-trace"]),
     ("kd-render", &["kd", "kd-scene", "kd-trace"]),
@@ -21,7 +20,6 @@ const EDGES: &[(&str, &[&str])] = &[
     (
         "kd",
         &[
-            "kd-bvh",
             "kd-core",
             "kd-grid",
             "kd-merge",
@@ -35,7 +33,6 @@ const EDGES: &[(&str, &[&str])] = &[
         "kd-bench",
         &[
             "kd",
-            "kd-bvh",
             "kd-comparators",
             "kd-core",
             "kd-grid",

@@ -1,16 +1,16 @@
-//! Convex parts of triangles, as planes cut them.
+//! Fragments: convex polygons that planes cut out of triangles.
 
 use glam::DVec3;
 use kd_core::Mesh;
 
-use super::plane::{Lies, Plane};
+use super::plane::{Plane, Side};
 
-/// A list of fragments, corners in f64. One allocation for all corners: fragments have three or four of them mostly, and may
-/// have any number.
+/// A list of fragments with corners in f64. One allocation holds all corners: most fragments have three or four, and any number
+/// is possible.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fragments {
     triangles: Vec<u32>,
-    /// Where each one's corners end. Those of the next one begin there.
+    /// End of each fragment's corners, where those of the next fragment begin.
     ends: Vec<usize>,
     corners: Vec<DVec3>,
 }
@@ -20,7 +20,7 @@ pub(super) struct Fragments {
 pub(super) struct Sides {
     pub(super) behind: Fragments,
     pub(super) in_front: Fragments,
-    /// The triangles of those in the plane.
+    /// The triangles in the plane.
     pub(super) on: Vec<u32>,
 }
 
@@ -38,18 +38,18 @@ impl Fragments {
         self.triangles.len()
     }
 
-    /// The triangle that each is part of.
+    /// The triangle of each fragment.
     pub(super) fn triangles(&self) -> &[u32] {
         &self.triangles
     }
 
-    /// The corners of one, in order around it.
+    /// The corners of a fragment, in order around it.
     pub(super) fn corners(&self, number: usize) -> &[DVec3] {
         let start = number.checked_sub(1).map_or(0, |before| self.ends[before]);
         &self.corners[start..self.ends[number]]
     }
 
-    /// The largest coordinate, whatever its sign.
+    /// The largest absolute value of a coordinate.
     pub(super) fn largest_coordinate(&self) -> f64 {
         let corners = self.corners.iter();
         corners.fold(0.0, |largest, corner| {
@@ -62,25 +62,25 @@ impl Fragments {
         self.end(triangle);
     }
 
-    /// Makes a fragment of the corners that were added last.
+    /// Ends a fragment after the corners added last.
     fn end(&mut self, triangle: u32) {
         self.triangles.push(triangle);
         self.ends.push(self.corners.len());
     }
 
-    /// Sorts all to the sides of a plane, and cuts those across it.
+    /// Sorts fragments to the sides of a plane, and cuts those across it.
     ///
-    /// Corners within `tolerance` of the plane count for neither side, so that no fragment is thinner than that, and belong to
-    /// both parts of what is cut.
+    /// Corners within `tolerance` of the plane count for neither side, so that no fragment is thinner than that. They belong to
+    /// both halves of a cut fragment.
     pub(super) fn sides_of(&self, plane: &Plane, tolerance: f64) -> Sides {
         let mut sides = Sides::default();
         for (number, &triangle) in self.triangles.iter().enumerate() {
             let corners = self.corners(number);
             match plane.side_of(corners, tolerance) {
-                Lies::Behind => sides.behind.push(triangle, corners),
-                Lies::InFront => sides.in_front.push(triangle, corners),
-                Lies::On => sides.on.push(triangle),
-                Lies::Across => sides.cut(triangle, corners, plane, tolerance),
+                Side::Behind => sides.behind.push(triangle, corners),
+                Side::InFront => sides.in_front.push(triangle, corners),
+                Side::On => sides.on.push(triangle),
+                Side::Across => sides.cut(triangle, corners, plane, tolerance),
             }
         }
         sides
@@ -98,7 +98,7 @@ impl Sides {
             let is_crossing = (from_height < -tolerance && to_height > tolerance)
                 || (from_height > tolerance && to_height < -tolerance);
             if is_crossing {
-                // One point for both parts, so that nothing lies between them.
+                // Both halves share one point, so that no gap is between them.
                 let point = from + (to - from) * (from_height / (from_height - to_height));
                 self.behind.corners.push(point);
                 self.in_front.corners.push(point);
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_add_up_and_lie_on_their_sides() {
+    fn halves_add_up_and_are_on_their_sides() {
         let corners = vec![
             [-1.0, -1.0, 0.0],
             [3.0, 0.0, 1.0],
@@ -143,20 +143,20 @@ mod tests {
         let whole = Fragments::of(&mesh);
         let sides = whole.sides_of(&plane, 1e-9);
         assert_eq!(sides.on, [1], "its own plane");
-        let parts = [&sides.behind, &sides.in_front];
-        assert_eq!(parts.map(Fragments::triangles), [[0]; 2], "a part each");
-        let areas = parts.map(|part| area(part.corners(0)));
+        let halves = [&sides.behind, &sides.in_front];
+        assert_eq!(halves.map(Fragments::triangles), [[0]; 2], "one each");
+        let areas = halves.map(|half| area(half.corners(0)));
         let sum = area(whole.corners(0));
         assert!(
             (areas[0] + areas[1] - sum).abs() < 1e-12,
             "{areas:?}, {sum}"
         );
-        let side = |part: &Fragments| plane.side_of(part.corners(0), 1e-9);
-        let expected = [Lies::Behind, Lies::InFront];
-        assert_eq!(parts.map(side), expected, "on their sides");
-        // The plane runs through a corner, which belongs to both.
+        let side = |half: &Fragments| plane.side_of(half.corners(0), 1e-9);
+        let expected = [Side::Behind, Side::InFront];
+        assert_eq!(halves.map(side), expected, "on their sides");
+        // The plane passes through a corner, which belongs to both.
         assert_eq!(
-            parts.map(|part| part.corners(0).len()),
+            halves.map(|half| half.corners(0).len()),
             [3, 3],
             "two triangles"
         );

@@ -1,19 +1,19 @@
-//! Where a ray crosses any plane, with a bound of every error between the plane and a reported hit.
+//! The crossing of a ray with any plane, with a bound of every error between the plane and a reported hit.
 //!
-//! The bound is that of [`RayPlanes`](kd_trace::kit::RayPlanes), for planes that are not across an axis, and computed in f64,
-//! so that less of it is needed. A reported hit stands for a point P of its triangle. Let L be the triangle's longest side
-//! along an axis, R the largest component of (corner - origin) and C the largest coordinate of the scene. Heights over a plane
-//! are its normal's product, and the components of a unit vector add up to less than 2.
+//! The bound is that of [`RayPlanes`](kd_trace::kit::RayPlanes) for planes that are not across an axis. It is computed in f64 and
+//! is therefore smaller. A reported hit represents a point P of its triangle. Let L be the triangle's longest side along an axis,
+//! R the largest component of (corner - origin) and C the largest coordinate of the scene. The height over a plane is the product
+//! with its normal, and the components of a unit vector add up to less than 2.
 //!
-//! - P lies within 2⁻²⁵ L of the ray on each axis (see there), so its height is that of the ray up to 2⁻²⁴ L.
-//! - P's part of the triangle was taken to be on its side of the plane, up to the tolerance that the build used.
-//! - A fragment's corners are rounded where it is cut, at most 64 times, by 2⁻⁵² C each. Both fragments have the same corner
-//!   there, so that nothing between them is lost: a height of 2⁻⁴⁵ C.
-//! - Heights are computed in f64 and so is P's distance: less than 2⁻⁴⁷ (R + C).
+//! - P is within 2⁻²⁵ L of the ray on each axis (see there), so its height is that of the ray up to 2⁻²⁴ L.
+//! - P's fragment is on its side of the plane up to the tolerance of the build.
+//! - The corners of a fragment are rounded at most 64 times, by 2⁻⁵² C each. Both halves of a cut share the rounded corner, so
+//!   that nothing between them is lost: a height of 2⁻⁴⁵ C.
+//! - Heights and P's distance are computed in f64: less than 2⁻⁴⁷ (R + C).
 //!
-//! The tolerance and twice the first of these, 2⁻²³ L, are a node's slack; twice the others, 2⁻⁴⁴ (R + C), the ray's. So P's
-//! `t`, before it is rounded to f32, lies between the crossings of the plane moved by both, to the one side and to the other.
-//! Rounding keeps the order of numbers: what is reported lies between the crossings rounded to f32 the same way.
+//! The tolerance and twice the first bound, 2⁻²³ L, are a node's slack; twice the others, 2⁻⁴⁴ (R + C), are the ray's. So P's
+//! `t`, before it is rounded to f32, is between the crossings of the plane moved by both slacks to either side. Rounding is
+//! monotonic: the reported `t` is between the crossings rounded to f32.
 
 use glam::DVec3;
 use kd_core::{Aabb, Ray};
@@ -26,7 +26,7 @@ pub(super) const PER_SIDE: f64 = 1.0 / (1 << 23) as f64;
 /// 2⁻⁴⁴, of distances and coordinates.
 const PER_REACH: f64 = 1.0 / (1_u64 << 44) as f64;
 
-/// A ray, ready to be asked about planes.
+/// A ray, prepared for crossings with planes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayLine {
     origin: DVec3,
@@ -48,9 +48,9 @@ impl RayLine {
         }
     }
 
-    /// Where the ray crosses a plane, in units of `t`; side 0 is behind the plane. `slack` is the node's.
+    /// The crossing of the ray with a plane, in units of `t`; side 0 is behind the plane. `slack` is the node's.
     ///
-    /// A ray along the plane crosses it everywhere if it is near enough, and at one of the infinities otherwise.
+    /// A ray along the plane crosses it everywhere if it is within the slack, and at one of the infinities otherwise.
     #[inline]
     #[allow(
         clippy::cast_possible_truncation,
@@ -59,7 +59,7 @@ impl RayLine {
     pub(super) fn crossing(&self, plane: &Plane, slack: f64) -> Crossing {
         let slack = slack + self.slack;
         let (height, slope) = (plane.height(self.origin), plane.normal.dot(self.direction));
-        // Seen from the near side, the ray climbs. A slope of -0.0 would turn infinities round.
+        // Seen from the near side, the ray ascends. A slope of -0.0 would exchange the infinities.
         let is_downwards = slope < 0.0;
         let height = if is_downwards { -height } else { height };
         let slope = slope.abs();

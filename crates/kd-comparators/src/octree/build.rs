@@ -1,19 +1,22 @@
-//! Makes an octree.
+//! The build of an octree.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Aabb, Axis, Mesh, clipped_halves};
 
 use super::{DEPTH, Node, Octree};
-use crate::spare::Spare;
-use crate::{BuildError, Options};
+use crate::cells::Spare;
+use crate::{CellOptions, ComparatorError};
 
 /// The octree of a mesh.
-pub(super) fn octree(mesh: &Mesh, options: &Options) -> Result<Octree, BuildError> {
+pub(super) fn octree(mesh: Arc<Mesh>, options: &CellOptions) -> Result<Octree, ComparatorError> {
     let mut build = Build {
-        mesh,
+        mesh: &mesh,
         small_leaf: options.small_leaf as usize,
         max_depth: options.depth_limit(DEPTH),
         octree: Octree {
+            mesh: Arc::clone(&mesh),
             bounds: mesh.bounds(),
             nodes: Vec::new(),
             refs: Vec::new(),
@@ -22,9 +25,9 @@ pub(super) fn octree(mesh: &Mesh, options: &Options) -> Result<Octree, BuildErro
         },
     };
     if !mesh.is_empty() {
-        let parts: Vec<Part> = (0..)
+        let references: Vec<Reference> = (0..)
             .zip(mesh.triangles())
-            .map(|(triangle, _)| Part {
+            .map(|(triangle, _)| Reference {
                 triangle,
                 bounds: Aabb::around(mesh.corners(triangle)),
             })
@@ -35,23 +38,23 @@ pub(super) fn octree(mesh: &Mesh, options: &Options) -> Result<Octree, BuildErro
             spare: Spare(options.spare_refs(mesh.len())),
         };
         build.octree.nodes.push(PLACEHOLDER);
-        build.fill(0, &root, parts)?;
+        build.fill(0, &root, references)?;
     }
     Ok(build.octree)
 }
 
-/// What stands where a child will be.
+/// Reserves the index of a child.
 const PLACEHOLDER: Node = Node::Leaf { first: 0, count: 0 };
 
-/// The part of a triangle in a cell.
+/// A triangle in a cell.
 #[derive(Clone, Copy)]
-struct Part {
+struct Reference {
     triangle: u32,
-    /// The box around it, within the cell.
+    /// The box of the triangle's intersection with the cell.
     bounds: Aabb,
 }
 
-/// Where a node is.
+/// A cell and its limits.
 struct Cell {
     bounds: Aabb,
     depth: u32,
@@ -67,13 +70,18 @@ struct Build<'a> {
 }
 
 impl Build<'_> {
-    /// Makes node `node` that of a cell with these parts, and all nodes below it.
-    fn fill(&mut self, node: usize, cell: &Cell, parts: Vec<Part>) -> Result<(), BuildError> {
+    /// Writes node `node`, of a cell with these references, and all nodes below it.
+    fn fill(
+        &mut self,
+        node: usize,
+        cell: &Cell,
+        references: Vec<Reference>,
+    ) -> Result<(), ComparatorError> {
         self.octree.depth = self.octree.depth.max(cell.depth);
-        let division = if parts.len() <= self.small_leaf {
+        let division = if references.len() <= self.small_leaf {
             None
         } else {
-            let division = self.divide(cell, &parts);
+            let division = self.divide(cell, &references);
             self.octree.large_leaves += usize::from(division.is_none());
             division
         };
@@ -83,14 +91,14 @@ impl Build<'_> {
             spare,
         }) = division
         else {
-            self.octree.nodes[node] = self.leaf(&parts);
+            self.octree.nodes[node] = self.leaf(&references);
             return Ok(());
         };
-        // What waits for its turn is held once, not once for every level.
-        drop(parts);
-        let present: Vec<(usize, Vec<Part>)> = (0..)
+        // Frees memory before the recursion: one copy in total, not one per level.
+        drop(references);
+        let present: Vec<(usize, Vec<Reference>)> = (0..)
             .zip(octants)
-            .filter(|(_, parts)| !parts.is_empty())
+            .filter(|(_, references)| !references.is_empty())
             .collect();
         let first = self.octree.nodes.len();
         self.octree.nodes.resize(first + present.len(), PLACEHOLDER);
@@ -101,36 +109,36 @@ impl Build<'_> {
                 .iter()
                 .fold(0, |bits, (octant, _)| bits | 1 << octant),
         };
-        let whole = present.iter().map(|(_, parts)| parts.len()).sum();
-        for (child, (octant, parts)) in present.into_iter().enumerate() {
+        let whole = present.iter().map(|(_, references)| references.len()).sum();
+        for (child, (octant, references)) in present.into_iter().enumerate() {
             let cell = Cell {
                 bounds: octant_of(&cell.bounds, middle, octant),
                 depth: cell.depth + 1,
-                spare: spare.share(parts.len(), whole),
+                spare: spare.share(references.len(), whole),
             };
-            self.fill(first + child, &cell, parts)?;
+            self.fill(first + child, &cell, references)?;
         }
         Ok(())
     }
 
-    /// Divides a cell, unless a limit forbids it or nothing is gained.
-    fn divide(&self, cell: &Cell, parts: &[Part]) -> Option<Division> {
+    /// Divides a cell; `None` if a limit is reached or every child would hold all references.
+    fn divide(&self, cell: &Cell, references: &[Reference]) -> Option<Division> {
         if cell.depth >= self.max_depth {
             return None;
         }
         let middle = middle_of(&cell.bounds)?;
         let mut octants = [const { Vec::new() }; 8];
-        for part in parts {
-            self.sort_in(0, 0, *part, cell.bounds, middle, &mut octants);
+        for reference in references {
+            self.sort_in(0, 0, *reference, cell.bounds, middle, &mut octants);
         }
         let held = octants.each_ref().map(Vec::len);
         let is_in_one = held.iter().filter(|&&count| count > 0).count() == 1;
-        let is_any_smaller = held.iter().any(|&n| 0 < n && n < parts.len());
-        // One child that holds all is a smaller box around the same, and costs no references.
+        let is_any_smaller = held.iter().any(|&n| 0 < n && n < references.len());
+        // A single child that holds all references is a smaller box around them, and adds no references.
         if !(is_in_one || is_any_smaller) {
             return None;
         }
-        let added = held.iter().sum::<usize>().saturating_sub(parts.len());
+        let added = held.iter().sum::<usize>().saturating_sub(references.len());
         Some(Division {
             middle,
             octants,
@@ -138,51 +146,54 @@ impl Build<'_> {
         })
     }
 
-    /// Puts a part into the lists of the octants that it reaches into. The cell is divided along the axes before `along`
-    /// already, and is `octant` there as far as that goes.
+    /// Adds a reference to the lists of the octants that it overlaps. The cell is divided along the axes before `along` already,
+    /// and is `octant` of that division.
     ///
-    /// What lies in a dividing plane goes to one side of it, the lower one if all of the part does: rays find it there, since
-    /// planes are crossed in an interval.
+    /// A reference that is in a dividing plane goes to one side, the lower one: rays find it there, since planes are crossed in
+    /// an interval.
     fn sort_in(
         &self,
         along: usize,
         octant: usize,
-        part: Part,
+        reference: Reference,
         cell: Aabb,
         middle: Vec3,
-        octants: &mut [Vec<Part>; 8],
+        octants: &mut [Vec<Reference>; 8],
     ) {
         let Some(&axis) = Axis::ALL.get(along) else {
-            octants[octant].push(part);
+            octants[octant].push(reference);
             return;
         };
         let plane = middle[along];
-        let halves = if part.bounds.max[along] <= plane {
-            [Some(part.bounds), None]
-        } else if part.bounds.min[along] >= plane {
-            [None, Some(part.bounds)]
+        let halves = if reference.bounds.max[along] <= plane {
+            [Some(reference.bounds), None]
+        } else if reference.bounds.min[along] >= plane {
+            [None, Some(reference.bounds)]
         } else {
-            // The whole triangle is clipped to the cell each time, so that rounding does not add up.
-            clipped_halves(self.mesh.corners(part.triangle), &cell, axis, plane)
+            // Clips the original triangle each time, so that rounding errors do not add up.
+            clipped_halves(self.mesh.corners(reference.triangle), &cell, axis, plane)
         };
         let (lower, upper) = cell.split(axis, plane);
         for (side, (half, bounds)) in [lower, upper].into_iter().zip(halves).enumerate() {
             if let Some(bounds) = bounds {
-                let part = Part { bounds, ..part };
+                let reference = Reference {
+                    bounds,
+                    ..reference
+                };
                 let octant = octant | side << along;
-                self.sort_in(along + 1, octant, part, half, middle, octants);
+                self.sort_in(along + 1, octant, reference, half, middle, octants);
             }
         }
     }
 
-    fn leaf(&mut self, parts: &[Part]) -> Node {
+    fn leaf(&mut self, references: &[Reference]) -> Node {
         let refs = &mut self.octree.refs;
         let first = refs.len();
-        refs.extend(parts.iter().map(|part| part.triangle));
+        refs.extend(references.iter().map(|reference| reference.triangle));
         let narrow = |count| u32::try_from(count).expect("references are limited to 32 bits");
         Node::Leaf {
             first: narrow(first),
-            count: narrow(parts.len()),
+            count: narrow(references.len()),
         }
     }
 }
@@ -190,14 +201,14 @@ impl Build<'_> {
 /// A cell divided into eight.
 struct Division {
     middle: Vec3,
-    octants: [Vec<Part>; 8],
-    /// What may still be added below.
+    octants: [Vec<Reference>; 8],
+    /// The references that may still be added below.
     spare: Spare,
 }
 
-/// Where a cell is divided; `None` if it is too small for that on every axis.
+/// The dividing planes of a cell; `None` if no axis can be divided.
 ///
-/// A side with no number between its ends is not divided: all of it is the lower half, and its plane is the upper face.
+/// A side without a number between its ends is not divided: the plane is the upper face, and all of the side is the lower half.
 fn middle_of(cell: &Aabb) -> Option<Vec3> {
     let center = cell.center();
     let is_between = center.cmpgt(cell.min) & center.cmplt(cell.max);
@@ -216,8 +227,8 @@ fn octant_of(cell: &Aabb, middle: Vec3, octant: usize) -> Aabb {
     bounds
 }
 
-fn index(node: usize) -> Result<u32, BuildError> {
-    u32::try_from(node).map_err(|_| BuildError::TooManyNodes)
+fn index(node: usize) -> Result<u32, ComparatorError> {
+    u32::try_from(node).map_err(|_| ComparatorError::TooManyNodes)
 }
 
 #[cfg(test)]

@@ -1,11 +1,15 @@
-//! What is in which cell, and that threads do not show.
+//! The contents of cells, and determinism.
+
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use kd_core::{Aabb, Mesh, clipped_bounds};
 use kd_grid::{GridOptions, Overlap, UniformGrid};
 use kd_oracle::scenes;
 
-/// A cell made larger by so much of the grid's longest side, or smaller.
+use crate::grids::grid;
+
+/// The box of a cell, enlarged by a share of the grid's longest side; a negative share makes it smaller.
 fn cell(grid: &UniformGrid, place: [u32; 3], larger: f64) -> Aabb {
     let bounds = grid.bounds();
     let (min, extent) = (
@@ -30,9 +34,10 @@ fn places(grid: &UniformGrid) -> impl Iterator<Item = [u32; 3]> {
 #[test]
 fn triangles_are_in_the_cells_they_meet() {
     for (name, mesh) in scenes::all() {
+        let mesh = Arc::new(mesh);
         for overlap in [Overlap::Box, Overlap::Exact] {
             let options = GridOptions::new().with_density(3.0).with_overlap(overlap);
-            let grid = UniformGrid::build(&mesh, &options).expect("valid");
+            let grid = grid(&mesh, &options);
             let cells: Vec<_> = places(&grid)
                 .map(|place| {
                     let (within, around) = (cell(&grid, place, -1e-6), cell(&grid, place, 3e-6));
@@ -64,7 +69,7 @@ fn triangles_are_in_the_cells_they_meet() {
                     entered += usize::from(is_entered);
                     met += usize::from(meets(around));
                 }
-                // What is small is entered like its box, and so is what has no area, which nothing hits.
+                // Small triangles are entered by box, and so are triangles without area, which no ray hits.
                 if by_box >= 32 && mesh.normal(triangle) != Vec3::ZERO {
                     needless += entered - met.min(entered);
                     entries += entered;
@@ -77,7 +82,7 @@ fn triangles_are_in_the_cells_they_meet() {
     }
 }
 
-/// Long and thin ones, in cells of which there are thousands along an axis: every one that a point of them is in.
+/// Long thin triangles in a grid of thousands of cells along an axis: every cell that contains a point of them.
 #[test]
 fn slivers_are_in_all_of_very_many_cells() {
     let slivers = [
@@ -86,9 +91,10 @@ fn slivers_are_in_all_of_very_many_cells() {
         [[0.0, 1e-3, 0.0], [0.7, 0.0, 1e-3], [1.0, 1e-3, 3e-4]],
     ];
     for sliver in slivers {
-        let mesh = Mesh::new(sliver.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        let mesh = Mesh::new(sliver.to_vec(), vec![[0, 1, 2]]);
+        let mesh = Arc::new(mesh.expect("valid"));
         let options = GridOptions::new().with_density(1e6).with_max_refs(1 << 21);
-        let grid = UniformGrid::build(&mesh, &options).expect("valid");
+        let grid = grid(&mesh, &options);
         let resolution = grid.resolution();
         assert!(resolution[0] >= 4000, "{resolution:?}");
         let [a, b, c] = mesh.corners(0).map(Vec3::as_dvec3);
@@ -104,39 +110,35 @@ fn slivers_are_in_all_of_very_many_cells() {
     }
 }
 
-/// Large triangles that are not along axes: where exact overlap is for.
+/// Exact overlap pays for large triangles that are not aligned with axes.
 #[test]
-fn exact_overlap_leaves_out_most_of_a_box() {
+fn exact_overlap_excludes_most_of_a_box() {
     let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
-    let mesh = Mesh::new(corners, vec![[0, 1, 2]]).expect("valid");
+    let mesh = Arc::new(Mesh::new(corners, vec![[0, 1, 2]]).expect("valid"));
     let references = |overlap| {
         let options = GridOptions::new()
             .with_density(8000.0)
             .with_overlap(overlap);
-        UniformGrid::build(&mesh, &options)
-            .expect("valid")
-            .stats()
-            .references
+        grid(&mesh, &options).stats().references
     };
     let (by_box, exact) = (references(Overlap::Box), references(Overlap::Exact));
     assert!(by_box > 6000 && exact < by_box / 8, "{exact} of {by_box}");
 }
 
 #[test]
-fn threads_do_not_show() {
+fn threads_have_no_effect() {
     let mesh = scenes::moved(&scenes::sphere(6), |p| p * Vec3::new(1.0, 3.0, 2.0));
+    let mesh = Arc::new(mesh);
     assert!(mesh.len() > 80_000, "several chunks and slabs");
     let usual = GridOptions::new().with_density(9.0);
-    // One reference for each triangle: with fewer cells, until there are hardly any.
+    // One reference per triangle: the resolution is halved to a few cells.
     let limited = usual.clone().with_max_refs(mesh.len() as u64 + 1000);
     for options in [
         usual.clone().with_overlap(Overlap::Box),
         usual.with_overlap(Overlap::Exact),
         limited,
     ] {
-        let of = |threads: usize| {
-            UniformGrid::build(&mesh, &options.clone().with_threads(threads)).expect("valid")
-        };
+        let of = |threads: usize| grid(&mesh, &options.clone().with_threads(threads));
         let one = of(1);
         for threads in [0, 2, 3] {
             let other = of(threads);
@@ -153,11 +155,11 @@ fn threads_do_not_show() {
     }
 }
 
-/// The equations of the paper, once more, from what is in each cell.
+/// The equations of the paper, computed directly from the cells.
 #[test]
 fn statistics_are_those_of_the_cells() {
-    let mesh = scenes::stadium();
-    let grid = UniformGrid::build(&mesh, &GridOptions::new().with_density(2.0)).expect("valid");
+    let mesh = Arc::new(scenes::stadium());
+    let grid = grid(&mesh, &GridOptions::new().with_density(2.0));
     let counts: Vec<f64> = places(&grid)
         .map(|place| grid.triangles_in(place).len() as f64)
         .collect();
@@ -202,8 +204,8 @@ fn statistics_are_those_of_the_cells() {
 
 #[test]
 fn statistics_have_one_text_form() {
-    let mesh = scenes::duplicates();
-    let grid = UniformGrid::build(&mesh, &GridOptions::new()).expect("valid");
+    let mesh = Arc::new(scenes::duplicates());
+    let grid = grid(&mesh, &GridOptions::new());
     let text = grid
         .stats()
         .with_zero_area(mesh.zero_area_count())

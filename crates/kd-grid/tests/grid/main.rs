@@ -1,8 +1,8 @@
-//! Grids against brute force, and against hard input.
+//! Grids compared with brute force, and on hard input.
 
 mod build;
+mod grids;
 mod hard_input;
 mod oracle;
 mod properties;
-mod subject;
 mod trials;

@@ -1,5 +1,7 @@
 //! Random meshes, random grids, random rays.
 
+use std::sync::Arc;
+
 use kd_core::Ray;
 use kd_grid::{GridOptions, Overlap};
 use kd_oracle::check;
@@ -7,7 +9,7 @@ use kd_oracle::rays::Rays;
 use kd_oracle::strategies::{coordinate, mesh, point};
 use proptest::prelude::*;
 
-use crate::subject::Subject;
+use crate::grids::{borders, grid};
 
 fn options() -> impl Strategy<Value = GridOptions> {
     let overlap = prop_oneof![Just(Overlap::Box), Just(Overlap::Exact)];
@@ -23,8 +25,9 @@ proptest! {
 
     #[test]
     fn any_grid_agrees_with_brute_force(mesh in mesh(), options in options(), seed: u64) {
-        let grid = Subject::new(&mesh, &options);
-        let mut rays = Rays::new(&mesh, grid.borders(), seed);
+        let mesh = Arc::new(mesh);
+        let grid = grid(&mesh, &options);
+        let mut rays = Rays::new(&mesh, borders(&grid), seed);
         for _ in 0..60 {
             check("random", &mesh, &[&grid], &rays.draw());
         }
@@ -38,7 +41,8 @@ proptest! {
         direction in point(),
         range in [coordinate(), coordinate()],
     ) {
-        let grid = Subject::new(&mesh, &options);
+        let mesh = Arc::new(mesh);
+        let grid = grid(&mesh, &options);
         let ray = Ray::new(origin, direction);
         for ray in [ray, ray.with_range(range[0], range[1])] {
             check("random", &mesh, &[&grid], &ray);

@@ -1,13 +1,20 @@
-//! What every structure is put through.
+//! The trials of every structure.
+
+use std::sync::Arc;
 
 use kd_core::Mesh;
-use kd_oracle::trials::{self, Structures, Trial};
+use kd_oracle::trials::{self, Structure, Trial};
 
-use crate::subject::Subject;
+use crate::grids::{borders, several};
 
-fn build(mesh: &Mesh) -> Structures<'_> {
-    let grids = Subject::several(mesh).into_iter();
-    grids.map(|grid| Box::new(grid) as _).collect()
+fn build(mesh: &Arc<Mesh>) -> Vec<Structure<'_>> {
+    let grids = several(mesh).into_iter();
+    grids
+        .map(|grid| {
+            let borders = borders(&grid);
+            Structure::new(grid, borders)
+        })
+        .collect()
 }
 
 fn run(_name: &str, trial: Trial) {

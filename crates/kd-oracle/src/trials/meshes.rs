@@ -1,4 +1,6 @@
-//! Meshes that are hard on structures, each in its own way, of any size anywhere.
+//! Meshes that are hard in different ways, of any size and offset.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
@@ -10,11 +12,11 @@ use crate::rng::Rng;
 use crate::scenes::{self, Soup};
 use crate::watertight::{check_closed, closed_meshes};
 
-/// No triangles, with a vertex and without.
+/// Meshes of no triangles, with a vertex and without.
 #[track_caller]
 pub fn no_triangles_no_hits(subject: &Subject) {
     for positions in [vec![], vec![[1.0; 3]]] {
-        let mesh = Mesh::new(positions, vec![]).expect("valid");
+        let mesh = Arc::new(Mesh::new(positions, vec![]).expect("valid"));
         let empty = Over::new(subject, "empty", &mesh);
         let mut rays = that_cannot_hit();
         rays.extend([
@@ -41,7 +43,7 @@ pub fn one_triangle(subject: &Subject) {
         ([[0.0; 3], [1.0; 3], [2.0; 3]], 0),
         ([b; 3], 0),
         ([[1.0, 2.0, 3.0]; 3], 0),
-        // The sides of these overflow, and rays around them mostly do, too.
+        // The sides overflow, as do most rays around this triangle.
         (
             [[-3e38, -3e38, 0.0], [3e38, -3e38, 1.0], [0.0, 3e38, -1.0]],
             0,
@@ -49,9 +51,10 @@ pub fn one_triangle(subject: &Subject) {
         ([[0.0; 3], [1e-45, 0.0, 0.0], [0.0, 1e-45, 1e-45]], 0),
     ];
     for (corners, per_cent) in rows {
-        let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]);
+        let mesh = Arc::new(mesh.expect("valid"));
         let one = Over::new(subject, format!("{corners:?}"), &mesh);
-        one.ask_random_and_hit(5, subject.rays, per_cent);
+        one.check_random(5, subject.rays, per_cent);
     }
 }
 
@@ -69,7 +72,7 @@ pub fn triangles_without_area_are_not_hit(subject: &Subject) {
                 soup.triangle(corners);
             }
         }
-        let mesh = soup.mesh();
+        let mesh = Arc::new(soup.mesh());
         let lines = Over::new(subject, "no area", &mesh);
         for target in [a, b, a.midpoint(b)] {
             lines.expect(&Ray::new([0.0; 3], target), 0);
@@ -77,7 +80,7 @@ pub fn triangles_without_area_are_not_hit(subject: &Subject) {
     }
 }
 
-/// Without height, along each axis.
+/// Meshes without extent along an axis.
 #[track_caller]
 pub fn flat_along_each_axis(subject: &Subject) {
     for axis in 0..3 {
@@ -85,35 +88,37 @@ pub fn flat_along_each_axis(subject: &Subject) {
             (p[1], p[axis]) = (p[axis], p[1]);
             p
         };
-        let mesh = scenes::moved(&scenes::flat(), turned);
+        let mesh = Arc::new(scenes::moved(&scenes::flat(), turned));
         let flat = Over::new(subject, format!("flat along {axis}"), &mesh);
-        flat.ask_random_and_hit(6, subject.rays, 30);
+        flat.check_random(6, subject.rays, 30);
     }
 }
 
-/// Every one of [`scenes::all`], and one more.
+/// [`scenes::all`], and a bumpy surface.
 #[track_caller]
 pub fn nasty_scenes(subject: &Subject) {
     for (name, mesh) in scenes::all()
         .into_iter()
         .chain([("bumpy", scenes::bumpy())])
     {
+        let mesh = Arc::new(mesh);
         let over = Over::new(subject, name, &mesh);
-        over.ask_random_and_hit(9, subject.rays, 30);
+        over.check_random(9, subject.rays, 30);
     }
 }
 
-/// Every one of [`scenes::extreme`].
+/// [`scenes::extreme`].
 #[track_caller]
 pub fn extreme_scenes(subject: &Subject) {
     for (name, mesh) in scenes::extreme() {
-        // Far off few coordinates can be told apart, and at the ends of f32 most rays are not finite.
+        // Far from the origin few coordinates differ, and at the limits of f32 most rays are not finite.
         let per_cent = if name == "largest" { 1 } else { 5 };
-        Over::new(subject, name, &mesh).ask_random_and_hit(1, subject.rays, per_cent);
+        let mesh = Arc::new(mesh);
+        Over::new(subject, name, &mesh).check_random(1, subject.rays, per_cent);
     }
 }
 
-/// Scenes of any size anywhere.
+/// Scenes of any size and offset.
 #[track_caller]
 pub fn scales_and_offsets(subject: &Subject) {
     let rows: [(f32, f32); 11] = [
@@ -131,9 +136,9 @@ pub fn scales_and_offsets(subject: &Subject) {
     ];
     for (scale, offset) in rows {
         for (name, mesh) in [("soup", scenes::soup()), ("room", scenes::room())] {
-            let mesh = scenes::moved(&mesh, |p| p * scale + offset);
+            let mesh = Arc::new(scenes::moved(&mesh, |p| p * scale + offset));
             let name = format!("{name} * {scale:e} + {offset:e}");
-            Over::new(subject, name, &mesh).ask_random_and_hit(9, subject.rays / 5, 30);
+            Over::new(subject, name, &mesh).check_random(9, subject.rays / 5, 30);
         }
     }
 }
@@ -142,22 +147,22 @@ pub fn scales_and_offsets(subject: &Subject) {
 #[track_caller]
 pub fn directions_of_any_length(subject: &Subject) {
     for scale in [1e-30_f32, 1e-12, 1.0, 1e15, 1e30] {
-        let mesh = scenes::moved(&scenes::soup(), |p| p * scale);
+        let mesh = Arc::new(scenes::moved(&scenes::soup(), |p| p * scale));
         let soup = Over::new(subject, format!("soup * {scale:e}"), &mesh);
         let mut rng = Rng(42);
         let mut hits = 0;
         for length in [1e-44_f32, 1e-38, 1e-25, 1e-18, 1.0, 1e19, 1e25, 3e38] {
             for _ in 0..40 {
                 let ray = Ray::new(scale * rng.vec3(), length * rng.direction());
-                hits += soup.ask(&ray);
+                hits += soup.check(&ray);
             }
         }
         assert!(hits > 50, "{scale:e}: {hits}");
     }
 }
 
-/// So small that every product of two coordinates underflows, and that coordinates have few bits or one; so large that sums
-/// overflow.
+/// Meshes so small that every product of two coordinates underflows and coordinates have few bits or one, and so large that
+/// sums overflow.
 #[track_caller]
 pub fn the_ends_of_f32(subject: &Subject) {
     let scales = [
@@ -165,7 +170,7 @@ pub fn the_ends_of_f32(subject: &Subject) {
     ];
     for scale in scales {
         for squares in [2, 3] {
-            let mesh = scenes::moved(&scenes::cube(squares), |p| p * scale);
+            let mesh = Arc::new(scenes::moved(&scenes::cube(squares), |p| p * scale));
             let name = format!("cube of {squares} squares * {scale:e}");
             let cube = Over::new(subject, name.clone(), &mesh);
             let mut some = 0;
@@ -175,29 +180,30 @@ pub fn the_ends_of_f32(subject: &Subject) {
                 [1e-30, -1e-19, 1.0],
                 [1e30, 1e29, 1e30],
             ] {
-                some += cube.ask(&Ray::new(Vec3::new(0.1, 0.2, -0.3) * scale, direction));
+                some += cube.check(&Ray::new(Vec3::new(0.1, 0.2, -0.3) * scale, direction));
             }
             assert!(some > 0, "{name}");
-            // From outside, by directions of any length and by short ones; f32 has no more than 3e38.
+            // From outside, with directions of any length and with short ones; the largest f32 is 3e38.
             let outside = Vec3::new(0.1, 0.2, -3.0) * scale;
             for direction in [Vec3::Z, Vec3::new(0.01, 0.01, 1.0) * scale] {
                 let ray = Ray::new(outside, direction);
                 let must_hit = (1e-37..1e37).contains(&scale);
-                let hits = cube.ask(&ray);
+                let hits = cube.check(&ray);
                 assert!(hits > 0 || !must_hit, "{name}: {}", source(&ray));
             }
-            // One that passes by.
+            // A ray away from the mesh.
             cube.expect(&Ray::new(outside, -Vec3::Z), 0);
         }
     }
 }
 
-/// Nothing gets out of [`closed_meshes`].
+/// No ray leaves [`closed_meshes`].
 #[track_caller]
 pub fn closed_meshes_hold_every_ray(subject: &Subject) {
     for (name, mesh, inside) in closed_meshes() {
+        let mesh = Arc::new(mesh);
         let closed = Over::new(subject, name.clone(), &mesh);
         let origins = &inside[..subject.points.min(inside.len())];
-        check_closed(&name, &mesh, origins, |ray| closed.ask(ray));
+        check_closed(&name, &mesh, origins, |ray| closed.check(ray));
     }
 }

@@ -1,7 +1,9 @@
-//! One way to ask for trouble with rays each, on meshes that are plain.
+//! Hard rays, a kind per trial, on simple meshes.
+
+use std::sync::Arc;
 
 use glam::Vec3;
-use kd_core::{Mesh, Ray};
+use kd_core::{Mesh, Ray, RayPacket8};
 use kd_trace::brute_force;
 
 use super::{Over, Subject};
@@ -13,7 +15,7 @@ use crate::scenes::{self, Soup};
 const INFINITY: f32 = f32::INFINITY;
 
 /// The square [0, 2]² at z = 0, two triangles.
-fn square() -> Mesh {
+fn square() -> Arc<Mesh> {
     let corner = |x: f32, y: f32| Vec3::new(x, y, 0.0);
     let mut soup = Soup::default();
     soup.quad([
@@ -22,13 +24,13 @@ fn square() -> Mesh {
         corner(2.0, 2.0),
         corner(0.0, 2.0),
     ]);
-    soup.mesh()
+    Arc::new(soup.mesh())
 }
 
-/// Not finite, without a direction, a range or a mask; and one that hits.
+/// Rays that are not finite, have no direction, no range or no mask, and one that hits.
 #[track_caller]
 pub fn rays_that_cannot_hit_do_not(subject: &Subject) {
-    let mesh = scenes::cube(2);
+    let mesh = Arc::new(scenes::cube(2));
     let cube = Over::new(subject, "cube", &mesh);
     let good = Ray::new([0.1, 0.2, 0.3], [0.0, 0.0, 1.0]);
     cube.expect(&good, 1);
@@ -37,10 +39,10 @@ pub fn rays_that_cannot_hit_do_not(subject: &Subject) {
     }
 }
 
-/// So short that `t` is large but finite, so long that it is tiny but not zero, and further.
+/// Directions so short that `t` is large but finite, so long that `t` is tiny but not zero, and beyond.
 #[track_caller]
 pub fn extreme_directions(subject: &Subject) {
-    let mesh = scenes::cube(2);
+    let mesh = Arc::new(scenes::cube(2));
     let cube = Over::new(subject, "cube", &mesh);
     let tiny = f32::from_bits(1);
     for (direction, must_hit) in [
@@ -52,13 +54,13 @@ pub fn extreme_directions(subject: &Subject) {
         ([0.0, 0.0, f32::MAX], true),
     ] {
         let ray = Ray::new([0.1, 0.2, 0.3], direction);
-        let hits = cube.ask(&ray);
+        let hits = cube.check(&ray);
         assert!(hits > 0 || !must_hit, "{}", source(&ray));
-        cube.ask(&ray.with_range(-INFINITY, INFINITY));
+        cube.check(&ray.with_range(-INFINITY, INFINITY));
     }
 }
 
-/// In the plane of both triangles of a square, across their edges and along them. The square itself is hit.
+/// Rays in the plane of both triangles of a square, across their edges and along them. The square itself is hit.
 #[track_caller]
 pub fn edge_on_triangles_are_not_hit(subject: &Subject) {
     let mesh = square();
@@ -76,7 +78,7 @@ pub fn edge_on_triangles_are_not_hit(subject: &Subject) {
     square.expect(&Ray::new([1.5, 0.5, 1.0], [0.0, 0.0, -1.0]), 1);
 }
 
-/// Through corners and edges of a square, and just beside them.
+/// Rays through corners and edges of a square, and just beside them.
 #[track_caller]
 pub fn edges_and_corners_belong_to_all_their_triangles(subject: &Subject) {
     let mesh = square();
@@ -134,33 +136,77 @@ pub fn ranges_are_closed(subject: &Subject) {
     }
 }
 
-/// None, one, or more than there are, whatever the list held before.
+/// Limits of no hit, one hit and more hits than exist; the earlier contents of the list have no effect.
 #[track_caller]
 pub fn as_many_hits_as_asked_for(subject: &Subject) {
-    let mesh = scenes::cube(2);
+    let mesh = Arc::new(scenes::cube(2));
     let cube = Over::new(subject, "cube", &mesh);
     let ray = Ray::new([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]);
     cube.expect(&ray, 2);
     cube.expect(&ray.with_mask(0), 0);
     let mut all = Vec::new();
     brute_force::hits(&mesh, &ray, usize::MAX, &mut all);
-    for (number, structure) in cube.answers().into_iter().enumerate() {
+    for (number, structure) in cube.queries().into_iter().enumerate() {
         let mut out = Vec::new();
         for max in [9, 0, 1, 2, 0] {
-            structure.first(&ray, max, &mut out);
+            structure.hits(&ray, max, &mut out);
             let first = &all[..max.min(2)];
             assert_eq!(out, first, "structure {number}, at most {max}");
         }
         out.clone_from(&all);
-        structure.first(&ray.with_mask(0), 9, &mut out);
-        assert!(out.is_empty(), "structure {number}: they were there before");
+        structure.hits(&ray.with_mask(0), 9, &mut out);
+        assert!(out.is_empty(), "structure {number}: earlier contents");
     }
 }
 
-/// Along every axis through every corner, every edge's middle and every lattice point, with zeros of both signs.
+/// Batches of several lengths and packets, full and not full, of random rays and of rays that cannot hit.
+#[track_caller]
+pub fn batches_and_packets_answer_as_single_rays(subject: &Subject) {
+    for (name, mesh) in [("soup", scenes::soup()), ("room", scenes::room())] {
+        let mesh = Arc::new(mesh);
+        let over = Over::new(subject, name, &mesh);
+        let mut source = over.random_rays(46);
+        let mut rays: Vec<Ray> = (0..300).map(|_| source.draw()).collect();
+        rays.splice(100..100, that_cannot_hit());
+        let mut hits = 0;
+        let mut expected = Vec::new();
+        for ray in &rays {
+            hits += over.check(ray);
+            expected.push(brute_force::intersect(&mesh, ray));
+        }
+        assert!(hits > 100, "{name}: {hits} hits");
+        for (number, structure) in over.queries().into_iter().enumerate() {
+            for length in [0, 1, 7, 64, rays.len()] {
+                let place = format!("{name}, structure {number}, {length} rays");
+                let (rays, expected) = (&rays[..length], &expected[..length]);
+                // Earlier contents must not stay.
+                let mut hits = vec![expected.iter().flatten().next().copied(); length];
+                structure.intersect_batch(rays, &mut hits);
+                assert_eq!(hits, expected, "{place}");
+                let mut occluded = vec![true; length];
+                structure.occluded_batch(rays, &mut occluded);
+                let are_hit = expected.iter().map(Option::is_some);
+                assert!(are_hit.eq(occluded), "{place}: occluded");
+            }
+            for (rays, expected) in rays.chunks(8).zip(expected.chunks(8)) {
+                let packet = RayPacket8::new(rays);
+                let (hits, occluded) =
+                    (structure.intersect8(&packet), structure.occluded8(&packet));
+                for (lane, hit) in hits.into_iter().enumerate() {
+                    let expected = expected.get(lane).copied().flatten();
+                    assert_eq!(hit, expected, "{name}, structure {number}, lane {lane}");
+                    assert_eq!(occluded[lane], hit.is_some(), "{name}, lane {lane}");
+                }
+            }
+        }
+    }
+}
+
+/// Rays along every axis through every corner, every edge's midpoint and every lattice point, with zeros of both signs.
 #[track_caller]
 pub fn rays_along_axes_through_everything(subject: &Subject) {
     for (name, mesh) in [("cube", scenes::cube(2)), ("room", scenes::room())] {
+        let mesh = Arc::new(mesh);
         let over = Over::new(subject, name, &mesh);
         let bounds = mesh.bounds();
         let mut points: Vec<Vec3> = mesh.positions().iter().map(|&p| p.into()).collect();
@@ -174,7 +220,7 @@ pub fn rays_along_axes_through_everything(subject: &Subject) {
         for point in points {
             for axis in 0..3 {
                 for sign in [1.0, -1.0] {
-                    // From outside, from a face of the box, from the point itself.
+                    // From outside, from a face of the box and from the point.
                     let outside = bounds.center()[axis] - 10.0 * sign;
                     let face = if sign > 0.0 { bounds.min } else { bounds.max }[axis];
                     for start in [outside, face, point[axis]] {
@@ -183,7 +229,7 @@ pub fn rays_along_axes_through_everything(subject: &Subject) {
                         let mut direction = Vec3::new(0.0, -0.0, 0.0);
                         direction[axis] = sign;
                         rays += 1;
-                        hit += usize::from(over.ask(&Ray::new(origin, direction)) > 0);
+                        hit += usize::from(over.check(&Ray::new(origin, direction)) > 0);
                     }
                 }
             }
@@ -192,10 +238,10 @@ pub fn rays_along_axes_through_everything(subject: &Subject) {
     }
 }
 
-/// Along axes from anywhere between triangles, with zeros of both signs, and pieces that end before or behind what they meet.
+/// Rays along axes from between triangles, with zeros of both signs, and segments that end before or behind a triangle.
 #[track_caller]
 pub fn along_an_axis_and_past_its_end(subject: &Subject) {
-    let mesh = scenes::soup();
+    let mesh = Arc::new(scenes::soup());
     let soup = Over::new(subject, "soup", &mesh);
     let mut rng = Rng(43);
     let mut hits = 0;
@@ -203,21 +249,21 @@ pub fn along_an_axis_and_past_its_end(subject: &Subject) {
         for sign in [1.0, -1.0] {
             for _ in 0..60 {
                 let ray = Ray::new(rng.vec3(), sign * axis);
-                hits += soup.ask(&ray);
+                hits += soup.check(&ray);
                 let negative_zeros = Ray::new(ray.origin, ray.direction + Vec3::splat(-0.0));
-                hits += soup.ask(&negative_zeros);
+                hits += soup.check(&negative_zeros);
                 let segment = ray.with_range(rng.unit(), 1.0 + rng.unit());
-                hits += soup.ask(&segment);
+                hits += soup.check(&segment);
             }
         }
     }
     assert!(hits > 200, "{hits} hits");
 }
 
-/// Nearly parallel to planes, grazing along faces.
+/// Rays nearly parallel to planes, along faces.
 #[track_caller]
 pub fn grazing_rays(subject: &Subject) {
-    let mesh = scenes::room();
+    let mesh = Arc::new(scenes::room());
     let room = Over::new(subject, "room", &mesh);
     let (mut rays, mut hit) = (0, 0);
     let tilts = [
@@ -233,7 +279,7 @@ pub fn grazing_rays(subject: &Subject) {
                     direction[axis] = tilt;
                     let ray = Ray::new(origin, direction).with_range(-INFINITY, INFINITY);
                     rays += 1;
-                    hit += usize::from(room.ask(&ray) > 0);
+                    hit += usize::from(room.check(&ray) > 0);
                 }
             }
         }
@@ -241,10 +287,10 @@ pub fn grazing_rays(subject: &Subject) {
     assert!(10 * hit > 3 * rays, "{hit} of {rays}");
 }
 
-/// Along an axis, from up to where f32 ends. All of them hit.
+/// Rays along an axis from distances up to the largest of f32. All of them hit.
 #[track_caller]
 pub fn rays_from_anywhere(subject: &Subject) {
-    let mesh = scenes::room();
+    let mesh = Arc::new(scenes::room());
     let room = Over::new(subject, "room", &mesh);
     for distance in [1e3_f32, 1e6, 1e8, 1e9, 1e12, 1e20, 1e30, 1e38] {
         for number in 0..200 {
@@ -253,19 +299,19 @@ pub fn rays_from_anywhere(subject: &Subject) {
             origin[number % 3] = -distance;
             direction[number % 3] = 1.0;
             let ray = Ray::new(origin, direction);
-            assert!(room.ask(&ray) > 0, "{}", source(&ray));
+            assert!(room.check(&ray) > 0, "{}", source(&ray));
         }
     }
 }
 
-/// Rounding corners to 26 bits lets a ray that passes an edge at 1.4e-8 hit. Planes beside the edge, an octree's and those of
-/// other triangles, cut out cells around the ray that the triangle does not reach into: only their slack finds it.
+/// Corners rounded to 26 bits let a ray hit that passes an edge at 1.4e-8. Planes beside the edge, an octree's and those of
+/// other triangles, bound cells around the ray that the triangle does not overlap: only the slack of planes finds the hit.
 #[track_caller]
 pub fn a_hit_beside_its_triangle(subject: &Subject) {
     for axis in 0..3 {
         let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [x, y, z]);
         let mut soup = Soup::default();
-        // One edge runs through the middle of the box.
+        // One edge passes through the middle of the box.
         soup.triangle([
             turned(-1.1, -0.75, 0.0),
             turned(1.1, 0.75, 0.0),
@@ -279,44 +325,44 @@ pub fn a_hit_beside_its_triangle(subject: &Subject) {
             let [p, q] = [turned(-1.1, 0.0, low), turned(1.1, 0.0, low)];
             soup.triangle([p, q, turned(0.0, 0.0, high)]);
         }
-        let mesh = soup.mesh();
+        let mesh = Arc::new(soup.mesh());
         let beside = Over::new(subject, "beside", &mesh);
         for sign in [1.0, -1.0] {
             for x in [1.4e-8, 1e-9] {
                 let ray = Ray::new(turned(x, 0.0, -3.0 * sign), turned(0.0, 0.0, sign));
-                assert!(beside.ask(&ray) > 0, "{}", source(&ray));
+                assert!(beside.check(&ray) > 0, "{}", source(&ray));
             }
-            // Further away there is none.
+            // No hit further away.
             let ray = Ray::new(turned(1e-3, 0.0, -3.0 * sign), turned(0.0, 0.0, sign));
-            beside.ask(&ray);
+            beside.check(&ray);
         }
     }
 }
 
-/// Such hits at the edges of the box around all there is, by rays that run outside of it all the way.
+/// The same hits at the edges of the scene's box, by rays that are outside the box everywhere.
 #[track_caller]
 pub fn hits_from_outside_the_box(subject: &Subject) {
     let mut rng = Rng(44);
     let mut hits = 0;
     for axis in 0..3 {
         for (sign_x, sign_y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-            // To an edge of the box at (0, 0), where f32 can tell the least distances.
+            // To an edge of the box at (0, 0), where f32 resolves the smallest distances.
             let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [z, sign_x * x, sign_y * y]);
-            // Each of these has the middle of the edge, and they fill the box.
+            // Each triangle contains the middle of the edge, and together they fill the box.
             let mut soup = Soup::default();
             for fan in 0..9 {
                 let far = turned(0.125 * fan as f32 - 1.0, -0.125 * fan as f32, 0.0);
                 soup.triangle([turned(0.0, 0.0, -1.0), turned(0.0, 0.0, 1.0), far]);
             }
-            let mesh = soup.mesh();
+            let mesh = Arc::new(soup.mesh());
             let fan = Over::new(subject, "fan", &mesh);
             for _ in 0..1000 {
-                // Past the edge: beyond it along x from there on, and along y before.
+                // Past the edge: beyond it along x after the edge, and along y before.
                 let (x, y) = (rng.between(0.0, 3e-9), rng.between(0.0, 3e-9));
                 let origin = turned(x, y, rng.between(-0.9, 0.9));
                 let (dx, dy) = (rng.between(0.1, 0.9), rng.between(-0.9, -0.1));
                 let ray = Ray::new(origin, turned(dx, dy, 1.0));
-                hits += usize::from(fan.ask(&ray.with_range(-INFINITY, INFINITY)) > 0);
+                hits += usize::from(fan.check(&ray.with_range(-INFINITY, INFINITY)) > 0);
             }
             let beside = Ray::new(turned(1e-3, 1e-3, 0.0), turned(0.5, -0.5, 1.0));
             fan.expect(&beside.with_range(-INFINITY, INFINITY), 0);
@@ -325,24 +371,24 @@ pub fn hits_from_outside_the_box(subject: &Subject) {
     assert!(hits > 1000, "{hits} of 12000");
 }
 
-/// Within a face of the box around all there is but for so little that it is nothing beside the size of the box, and out of it
-/// before the last of what they could hit, or into it before the first.
+/// Rays that are in a face of the scene's box up to a distance that vanishes beside the size of the box, and leave the box before
+/// the last triangle on their way, or enter it before the first.
 #[track_caller]
 pub fn rays_almost_in_a_face(subject: &Subject) {
     let mut rng = Rng(45);
     let mut hits = 0;
     for axis in 0..3 {
         for sign in [1.0, -1.0] {
-            // y goes along the axis, and to a face of the box at 0.
+            // y is along the axis, with a face of the box at 0.
             let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [sign * y, x, z]);
-            // Sheets one behind the other, all of which have an edge in the face.
+            // Sheets in a row, each with an edge in the face.
             let mut soup = Soup::default();
             for sheet in 0..9 {
                 let x = 0.25 * sheet as f32 - 1.0;
                 let corners = [(0.0, -1.0), (0.0, 1.0), (-1.0, 0.0)];
                 soup.triangle(corners.map(|(y, z)| turned(x, y, z)));
             }
-            let mesh = soup.mesh();
+            let mesh = Arc::new(soup.mesh());
             let sheets = Over::new(subject, "sheets", &mesh);
             for _ in 0..400 {
                 // Through the face between the first sheet and the last.
@@ -351,7 +397,7 @@ pub fn rays_almost_in_a_face(subject: &Subject) {
                 let slope = rng.pick(&[1e-9, 1e-12, 1e-15, 1e-17, 1e-20, 1e-30]);
                 let slope = slope * rng.pick(&[1.0, -1.0]);
                 let origin = turned(start, slope * (start - exit), z);
-                hits += sheets.ask(&Ray::new(origin, turned(1.0, slope, 0.0)));
+                hits += sheets.check(&Ray::new(origin, turned(1.0, slope, 0.0)));
             }
             let above = Ray::new(turned(-2.0, 1e-3, 0.0), turned(1.0, 0.0, 0.0));
             sheets.expect(&above, 0);

@@ -46,11 +46,13 @@ pub(crate) enum Kind {
 
 /// A triangle, or a part of one, or a subtree, in its box.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Item {
-    pub(crate) min: Vec3A,
-    pub(crate) max: Vec3A,
-    /// The triangle, or which subtree.
-    pub(crate) number: u32,
+pub struct Item {
+    /// The lowest corner of the box.
+    pub min: Vec3A,
+    /// The highest corner of the box.
+    pub max: Vec3A,
+    /// The number of the triangle or of the subtree.
+    pub number: u32,
 }
 
 /// A subtree that was just added.
@@ -69,7 +71,7 @@ impl Added {
 
 impl Item {
     /// A whole triangle.
-    pub(crate) fn whole(triangle: u32, mesh: &Mesh) -> Self {
+    pub fn whole(triangle: u32, mesh: &Mesh) -> Self {
         Self::within(Aabb::around(mesh.corners(triangle)), triangle)
     }
 
@@ -93,7 +95,8 @@ impl Item {
         }
     }
 
-    pub(crate) fn bounds(&self) -> Aabb {
+    /// The box.
+    pub fn bounds(&self) -> Aabb {
         Aabb {
             min: self.min.into(),
             max: self.max.into(),

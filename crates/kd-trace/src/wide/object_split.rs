@@ -17,7 +17,7 @@ const TO_INTEGER: f32 = (1 << 23) as f32;
 
 /// A division of items by the bins of their centres.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ObjectSplit {
+pub struct ObjectSplit {
     pub(crate) axis: Axis,
     bins: Bins,
     /// The first bin of the upper part.
@@ -83,7 +83,7 @@ impl Group {
 
 impl ObjectSplit {
     /// The division of least cost; `None` where all centres are in one place, or further apart than f32 can tell.
-    pub(crate) fn best(items: &[Item]) -> Option<Self> {
+    pub fn best(items: &[Item]) -> Option<Self> {
         if items.len() > FEW {
             Self::best_of::<BINS>(items)
         } else {
@@ -133,7 +133,7 @@ impl ObjectSplit {
     }
 
     /// Moves the lower part to the front, and tells how many items that are: some, and not all.
-    pub(crate) fn apply(&self, items: &mut [Item]) -> usize {
+    pub fn apply(&self, items: &mut [Item]) -> usize {
         let last = most_bin(items);
         let axis = self.axis.index();
         let mut lower = 0;

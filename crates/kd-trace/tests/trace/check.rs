@@ -3,10 +3,9 @@
 use std::ops::Deref;
 
 use kd_core::{Hit, Mesh, NodeView, Ray, Tree};
-use kd_oracle::Answers;
 use kd_oracle::rays::Rays;
 pub(crate) use kd_oracle::source;
-use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force, lazy};
+use kd_trace::{Join, Level, PackedTree, RayQuery, WideForest, WideTree, brute_force, lazy};
 
 use crate::cells::CutTree;
 
@@ -70,10 +69,12 @@ impl Deref for Subject<'_> {
     }
 }
 
-/// As the tree does, having made sure that every other way gives the same.
-impl Answers for Subject<'_> {
+/// The answers of the tree, after a comparison with every other way to trace it.
+impl RayQuery for Subject<'_> {
+    type Hit = Hit;
+
     #[track_caller]
-    fn closest(&self, ray: &Ray) -> Option<Hit> {
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let hit = kd_trace::intersect(&self.tree, self.mesh, ray);
         for packed in &self.packed {
             let place = || format!("packed, {}: {}", packed.level(), source(ray));
@@ -91,7 +92,7 @@ impl Answers for Subject<'_> {
     }
 
     #[track_caller]
-    fn any(&self, ray: &Ray) -> bool {
+    fn occluded(&self, ray: &Ray) -> bool {
         let any = kd_trace::occluded(&self.tree, self.mesh, ray);
         for packed in &self.packed {
             let place = || format!("packed, {}: {}", packed.level(), source(ray));
@@ -109,7 +110,7 @@ impl Answers for Subject<'_> {
     }
 
     #[track_caller]
-    fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         kd_trace::hits(&self.tree, self.mesh, ray, max, out);
         let mut found = Vec::new();
         for packed in &self.packed {
@@ -128,8 +129,11 @@ impl Answers for Subject<'_> {
             assert_eq!(found, *out, "first {max}, {}", place());
         }
     }
+}
 
-    fn planes(&self) -> Vec<(usize, f32)> {
+impl Subject<'_> {
+    /// Axis and position of the planes of the tree.
+    pub(crate) fn planes(&self) -> Vec<(usize, f32)> {
         let nodes = self.tree.nodes().iter();
         let planes = nodes.filter_map(|node| match node.view() {
             NodeView::Interior { axis, split, .. } => Some((axis.index(), split)),
@@ -148,13 +152,13 @@ pub(crate) fn check<'a>(
     trees: impl IntoIterator<Item = &'a Subject<'a>>,
     ray: &Ray,
 ) -> usize {
-    let trees: Vec<&dyn Answers> = trees.into_iter().map(|tree| tree as _).collect();
+    let trees: Vec<&dyn RayQuery<Hit = Hit>> = trees.into_iter().map(|tree| tree as _).collect();
     kd_oracle::check(scene, mesh, &trees, ray)
 }
 
 /// Rays around one mesh and the planes of its trees.
 pub(crate) fn rays<'a>(mesh: &'a Mesh, trees: &[Subject<'_>], seed: u64) -> Rays<'a> {
-    let planes = trees.iter().flat_map(Answers::planes);
+    let planes = trees.iter().flat_map(Subject::planes);
     Rays::new(mesh, planes.collect(), seed)
 }
 

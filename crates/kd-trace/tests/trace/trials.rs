@@ -1,35 +1,39 @@
-//! What every structure is put through.
+//! The trials of every structure.
+
+use std::sync::Arc;
 
 use kd_core::{Mesh, Tree};
-use kd_oracle::trials::{self, Structures, Trial};
+use kd_oracle::trials::{self, Structure, Trial};
 use kd_sah::{BuildOptions, Method, build};
 
 use crate::check::Subject;
 use crate::random_tree::random_tree;
 
 /// Good trees and bad ones.
-fn trees(mesh: &Mesh) -> Structures<'_> {
+fn trees(mesh: &Arc<Mesh>) -> Vec<Structure<'_>> {
     let median = BuildOptions::default()
         .with_method(Method::Median)
         .with_max_depth(9);
     let good = [BuildOptions::best(), BuildOptions::default(), median];
     let mut trees = good
-        .map(|options| build(mesh, &options).expect("valid"))
+        .map(|options| build(&**mesh, &options).expect("valid"))
         .to_vec();
     trees.extend((20..23).map(|seed| random_tree(mesh, seed)));
     subjects(mesh, trees)
 }
 
 /// A good one and a bad one, where there are many rays.
-fn two_trees(mesh: &Mesh) -> Structures<'_> {
-    let good = build(mesh, &BuildOptions::default()).expect("valid");
+fn two_trees(mesh: &Arc<Mesh>) -> Vec<Structure<'_>> {
+    let good = build(&**mesh, &BuildOptions::default()).expect("valid");
     subjects(mesh, vec![good, random_tree(mesh, 3)])
 }
 
-fn subjects(mesh: &Mesh, trees: Vec<Tree>) -> Structures<'_> {
+fn subjects(mesh: &Mesh, trees: Vec<Tree>) -> Vec<Structure<'_>> {
     let subject = |tree: Tree| {
         assert_eq!(tree.check_coverage(mesh), Ok(()), "nothing is missing");
-        Box::new(Subject::new(mesh, tree)) as _
+        let subject = Subject::new(mesh, tree);
+        let planes = subject.planes();
+        Structure::new(subject, planes)
     };
     trees.into_iter().map(subject).collect()
 }

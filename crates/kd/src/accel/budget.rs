@@ -1,4 +1,4 @@
-//! How many rays there will be.
+//! The expected number of rays.
 
 use std::borrow::Cow;
 
@@ -7,36 +7,37 @@ use glam::Vec3;
 use kd_core::{Aabb, Ray};
 use kd_select::{RayScheme, sample};
 
-/// How many rays will be asked, about, and what they are like.
+/// The expected number of rays, and optionally a sample of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RayBudget {
-    rays: u64,
+    count: u64,
     sample: Vec<Ray>,
 }
 
 impl RayBudget {
-    /// So many rays, that may come from anywhere and go anywhere: structures are tried on lines through two random points of the
-    /// mesh's bounding sphere.
-    pub const fn rays(count: u64) -> Self {
+    /// `count` rays of unknown distribution: a grid is tried on lines through two random points of the mesh's bounding sphere.
+    pub const fn new(count: u64) -> Self {
         Self {
-            rays: count,
+            count,
             sample: Vec::new(),
         }
     }
 
-    /// The same with rays like those to come, some hundreds or more in the order in which they will be asked: of a camera and its
-    /// light, say, in whole rows. Structures are tried on a few at a time, from all over them. The better they stand for the others, the better the choice.
+    /// The same number of rays, with a sample of them: some hundreds or more, in the order in which they will be traced, for example
+    /// whole rows of a camera and their shadow rays. A grid is tried on short runs from all over the sample. The better the sample
+    /// represents the rays, the better the choice.
     #[must_use]
     pub fn with_sample(mut self, rays: impl Into<Vec<Ray>>) -> Self {
         self.sample = rays.into();
         self
     }
 
-    pub(super) fn count(&self) -> u64 {
-        self.rays
+    /// The expected number of rays.
+    pub const fn count(&self) -> u64 {
+        self.count
     }
 
-    /// Which measurements tell most about them.
+    /// The measurements that are closest to these rays.
     pub(super) fn scheme(&self) -> RayScheme {
         if self.sample.is_empty() {
             RayScheme::Random
@@ -45,7 +46,7 @@ impl RayBudget {
         }
     }
 
-    /// Rays to try a grid over a box with, not empty.
+    /// Rays for the trial of a grid over a box; at least one.
     pub(super) fn sample(&self, bounds: &Aabb) -> Cow<'_, [Ray]> {
         if !self.sample.is_empty() {
             return Cow::Borrowed(&self.sample);
@@ -78,14 +79,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_those_that_were_given_or_meet_the_sphere() {
+    fn samples_are_given_or_meet_the_sphere() {
         let bounds = Aabb {
             min: Vec3::new(-1.0, 2.0, 3.0),
             max: Vec3::new(5.0, 4.0, 4.0),
         };
-        let budget = RayBudget::rays(7);
+        let budget = RayBudget::new(7);
         let sample = budget.sample(&bounds);
-        assert_eq!(sample, budget.sample(&bounds), "the same always");
+        assert_eq!(sample, budget.sample(&bounds), "the same each time");
         let radius = 0.5 * bounds.diagonal();
         for ray in &*sample {
             for end in [ray.origin, ray.origin + ray.direction] {
@@ -95,7 +96,7 @@ mod tests {
         }
         let own: Vec<Ray> = sample[..100].to_vec();
         let given = budget.clone().with_sample(own.clone());
-        assert_eq!(*given.sample(&bounds), own, "as they are");
+        assert_eq!(*given.sample(&bounds), own, "unchanged");
         assert_eq!(
             (budget.scheme(), given.scheme()),
             (RayScheme::Random, RayScheme::Path)

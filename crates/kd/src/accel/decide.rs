@@ -1,4 +1,4 @@
-//! Choosing: steps 1 to 8 of the paper, among more than two.
+//! The decision: steps 1 to 8 of the paper, for more than two structures.
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -12,49 +12,49 @@ use kd_select::{Calibration, Choice, Estimator, Features, RayScheme, Structure, 
 
 use super::{Accel, AccelError, Built, RayBudget};
 
-/// What was chosen, and why. Its text form tells the costs that were compared.
+/// The chosen structure and the reason. `Display` shows the compared costs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
     structure: Structure,
-    why: Why,
+    reason: DecisionReason,
     choice: Option<Choice>,
 }
 
-/// What a choice rests on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The reason for a structure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-pub enum Why {
-    /// It was asked for.
-    Asked,
-    /// There are fewer rays than it takes to tell: whatever is there first.
+pub enum DecisionReason {
+    /// The caller chose it.
+    Requested,
+    /// Too few rays to justify measuring: the structure that is built first.
     HardlyAnyRays,
-    /// There are more rays for each triangle than a grid is best for on most scenes, so that none was tried. Costs were estimated
-    /// from the number of triangles alone.
+    /// More rays per triangle than a grid is best for on most scenes, so that no grid was tried. Costs are estimated from the number
+    /// of triangles alone.
     ManyRays,
-    /// Its total is least, by what the grid took and by estimates for the others.
+    /// The least total, by measured times of the grid and estimates for other structures.
     LeastTotal,
 }
 
 impl Decision {
-    pub(super) fn asked_for(structure: Structure) -> Self {
+    pub(super) fn requested(structure: Structure) -> Self {
         Self {
             structure,
-            why: Why::Asked,
+            reason: DecisionReason::Requested,
             choice: None,
         }
     }
 
-    /// What was chosen.
+    /// The chosen structure.
     pub fn structure(&self) -> Structure {
         self.structure
     }
 
-    /// What the choice rests on.
-    pub fn why(&self) -> Why {
-        self.why
+    /// The reason for the choice.
+    pub fn reason(&self) -> DecisionReason {
+        self.reason
     }
 
-    /// The costs that were compared, if any were. Where a grid was built, building it counts no more, since that is done.
+    /// The compared costs; `None` if no costs were compared. The build of a grid that was tried counts as zero.
     pub fn choice(&self) -> Option<&Choice> {
         self.choice.as_ref()
     }
@@ -62,13 +62,13 @@ impl Decision {
 
 impl fmt::Display for Decision {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let why = match self.why {
-            Why::Asked => "it was asked for",
-            Why::HardlyAnyRays => "there are fewer rays than it takes to tell",
-            Why::ManyRays => "there are more rays than a grid is mostly good for",
-            Why::LeastTotal => "its total is least, the grid being there",
+        let reason = match self.reason {
+            DecisionReason::Requested => "requested by the caller",
+            DecisionReason::HardlyAnyRays => "too few rays to justify measuring",
+            DecisionReason::ManyRays => "more rays than a grid suits",
+            DecisionReason::LeastTotal => "the least total once the grid is built",
         };
-        write!(f, "{}: {why}", self.structure)?;
+        write!(f, "{}: {reason}", self.structure)?;
         if let Some(choice) = &self.choice {
             write!(f, "\n{choice}")?;
         }
@@ -76,7 +76,7 @@ impl fmt::Display for Decision {
     }
 }
 
-/// By the calibration that comes with the library.
+/// The estimator of the calibration that comes with the library.
 pub(super) fn built_in(scheme: RayScheme) -> &'static Estimator {
     static ESTIMATORS: OnceLock<[Estimator; 2]> = OnceLock::new();
     let [random, path] = ESTIMATORS.get_or_init(|| {
@@ -89,7 +89,7 @@ pub(super) fn built_in(scheme: RayScheme) -> &'static Estimator {
     }
 }
 
-/// The eight steps, with all structures for the hierarchy.
+/// The eight steps, with all structures in place of the hierarchy.
 pub(super) fn choose(
     mesh: Arc<Mesh>,
     budget: &RayBudget,
@@ -100,12 +100,12 @@ pub(super) fn choose(
     if budget.count() > HARDLY_ANY && !estimator.may_be_few(triangles, rays) {
         let costs = estimator.by_size(triangles);
         if let Some(choice) = Choice::among(&costs, rays) {
-            return Accel::decided(mesh, None, Why::ManyRays, choice);
+            return Accel::decided(mesh, None, DecisionReason::ManyRays, choice);
         }
     }
-    // On one thread, as what estimates rest on was measured: how much several gain is taken to be alike for all.
+    // On one thread, as the calibration was measured: the gain of several threads is assumed equal for all structures.
     let options = GridOptions::new().with_threads(1);
-    let (grid, build_seconds) = timed(|| UniformGrid::build(&mesh, &options));
+    let (grid, build_seconds) = timed(|| UniformGrid::build(Arc::clone(&mesh), &options));
     let grid = grid?;
     if budget.count() <= HARDLY_ANY || mesh.is_empty() {
         return Ok(Accel {
@@ -113,7 +113,7 @@ pub(super) fn choose(
             built: Built::Grid(grid),
             decision: Decision {
                 structure: Structure::Grid,
-                why: Why::HardlyAnyRays,
+                reason: DecisionReason::HardlyAnyRays,
                 choice: None,
             },
         });
@@ -123,34 +123,34 @@ pub(super) fn choose(
     let most_rays = sample::most_rays(budget.count());
     let seconds = build_seconds.unwrap_or(f64::INFINITY);
     let tried = Tried::ask(runs.len(), most_rays, seconds, |place| {
-        run(&grid, &mesh, runs[place])
+        run(&grid, runs[place])
     });
     let features = Features::new(&grid.stats(), tried.hit_share());
     let measured = build_seconds.zip(tried.ray_seconds());
     let times = measured.map_or_else(
-        // There is no clock: what calibrated grids of this size took.
+        // Without a clock: the times of calibrated grids of this size.
         || estimator.grid_by_size(triangles),
         |(build, ray)| Times::new(build, ray),
     );
     let mut costs = estimator.estimate(&features, &times);
-    // The grid comes first, and is there.
+    // The first structure is the grid, which is built.
     costs[0].1.build_seconds = 0.0;
     let choice = Choice::among(&costs, rays).expect("the grid at least");
-    Accel::decided(mesh, Some(grid), Why::LeastTotal, choice)
+    Accel::decided(mesh, Some(grid), DecisionReason::LeastTotal, choice)
 }
 
 impl Accel {
-    /// Builds what was chosen, if that is not the grid that is there.
+    /// Builds the chosen structure unless it is the grid that is built already.
     fn decided(
         mesh: Arc<Mesh>,
         grid: Option<UniformGrid>,
-        why: Why,
+        reason: DecisionReason,
         choice: Choice,
     ) -> Result<Self, AccelError> {
         let structure = choice.structure;
         let built = match grid {
             Some(grid) if structure == Structure::Grid => Built::Grid(grid),
-            // Before the other one needs memory.
+            // Frees the grid before the build of the other structure.
             grid => {
                 drop(grid);
                 Built::new(&mesh, structure)?
@@ -161,19 +161,17 @@ impl Accel {
             built,
             decision: Decision {
                 structure,
-                why,
+                reason,
                 choice: Some(choice),
             },
         })
     }
 }
 
-/// Step 2, a run of it.
-fn run(grid: &UniformGrid, mesh: &Mesh, rays: &[Ray]) -> Run {
+/// One run of step 2.
+fn run(grid: &UniformGrid, rays: &[Ray]) -> Run {
     let (hits, seconds) = timed(|| {
-        let hits = rays
-            .iter()
-            .filter(|ray| grid.intersect(mesh, ray).is_some());
+        let hits = rays.iter().filter(|ray| grid.intersect(ray).is_some());
         hits.count()
     });
     Run {
@@ -183,17 +181,17 @@ fn run(grid: &UniformGrid, mesh: &Mesh, rays: &[Ray]) -> Run {
     }
 }
 
-/// What `work` returns, and the seconds it took.
+/// The result of `work` and its time in seconds.
 #[cfg(not(target_family = "wasm"))]
 fn timed<R>(work: impl FnOnce() -> R) -> (R, Option<f64>) {
     let start = Instant::now();
     let result = work();
-    // A clock may stand still for what takes hardly any time.
+    // The clock may be too coarse for short work.
     let seconds = start.elapsed().as_secs_f64().max(1e-9);
     (result, Some(seconds))
 }
 
-/// What `work` returns; there is no clock in the browser's sandbox.
+/// The result of `work`; the browser's sandbox has no clock.
 #[cfg(target_family = "wasm")]
 fn timed<R>(work: impl FnOnce() -> R) -> (R, Option<f64>) {
     (work(), None)
