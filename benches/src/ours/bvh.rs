@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use anyhow::bail;
-use kd::{Hit, Mesh, Ray, WideTree};
+use kd::layout::WideTree;
+use kd::{Hit, Mesh, Ray};
 use kd_bvh::{Bvh, BvhMethod, BvhOptions};
 use rayon::ThreadPoolBuilder;
 

@@ -6,6 +6,7 @@
 /// `intersect * lanes * ceil(n / lanes)`, so `intersect` is the cost of one slot of a block of `lanes` triangles
 /// tested together.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CostModel {
     /// K_T: one step through an interior node. Positive.
     pub traverse: f32,

@@ -3,10 +3,10 @@
 use crate::Ray;
 use glam::Vec3;
 
-/// Eight rays, number by number: what one field is to a [`Ray`], eight are here, a lane for each ray.
+/// Eight rays in lanes: each field holds eight values of the field of [`Ray`], one for each ray.
 ///
-/// For programs that make their rays eight at a time. Any rays will do; those that go much the same way, such as of
-/// neighbouring pixels, share the work of a traversal.
+/// For programs that make their rays eight at a time. Any rays are valid; coherent rays, such as those of neighbouring pixels,
+/// share the work of a traversal.
 ///
 /// ```
 /// use kd_core::{Ray, RayPacket8};
@@ -29,7 +29,7 @@ pub struct RayPacket8 {
     pub t_min: [f32; 8],
     /// [`Ray::t_max`].
     pub t_max: [f32; 8],
-    /// [`Ray::mask`]; 0 where there is no ray.
+    /// [`Ray::mask`]; 0 in a lane without a ray.
     pub mask: [u32; 8],
 }
 

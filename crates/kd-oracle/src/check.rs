@@ -1,9 +1,9 @@
 //! Whether a ray is answered as by testing every triangle.
 
 use kd_core::{Hit, Mesh, Ray};
-use kd_trace::brute_force;
+use kd_trace::{RayQuery, brute_force};
 
-/// What is asked about rays.
+/// The queries that are checked, of anything with [`RayQuery`], or of an adapter in a test.
 pub trait Answers {
     /// The closest hit.
     fn closest(&self, ray: &Ray) -> Option<Hit>;
@@ -17,7 +17,21 @@ pub trait Answers {
     }
 }
 
-/// Asks every query about a ray, of each structure, and expects what brute force says. Gives the number of hits.
+impl<Q: RayQuery<Hit = Hit>> Answers for Q {
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        self.intersect(ray)
+    }
+
+    fn any(&self, ray: &Ray) -> bool {
+        self.occluded(ray)
+    }
+
+    fn first(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        self.hits(ray, max, out);
+    }
+}
+
+/// Asks every query about a ray, of each structure, and expects what brute force returns. Returns the number of hits.
 ///
 /// # Panics
 ///

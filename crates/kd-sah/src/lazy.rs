@@ -10,7 +10,7 @@ use crate::choose::{ChoosePlane, WithChooser, with_chooser_of};
 use crate::driver::{Start, Task};
 use crate::options::{BuildError, BuildOptions};
 use crate::plane::Plane;
-use crate::progress::Watched;
+use crate::progress::Tracker;
 
 /// A cell with at most so many primitives is built at once when it is looked into.
 const AT_ONCE: usize = 1024;
@@ -79,11 +79,11 @@ impl<L> LazyNode<L> {
             let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
             let start = pending.take().expect("a cell is opened once");
             let options = options.clone().with_threads(1);
-            let watched = Watched::new(None);
+            let tracker = Tracker::new(None);
             let task = Task {
                 source,
                 options: &options,
-                watched: &watched,
+                tracker: &tracker,
             };
             Self::open_now(task, start, finish)
         })

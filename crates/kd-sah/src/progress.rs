@@ -1,66 +1,67 @@
-//! How far a build is, and whether it should go on.
+//! The progress of a build, and its cancellation.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::options::BuildError;
 
-/// Called now and then during a build with the part of it that is done, from 0 to 1; breaks to end the build.
+/// Receives the progress of a build: called up to 256 times with the fraction that is done, from 0 to 1. Breaking cancels the
+/// build.
 ///
-/// It may be called from any of the building threads, from several at once, and out of order by a little.
-pub type Watch<'a> = dyn Fn(f32) -> ControlFlow<()> + Sync + 'a;
+/// Any building thread may call it, several at the same time, and slightly out of order.
+pub type BuildProgress<'a> = dyn Fn(f32) -> ControlFlow<()> + Sync + 'a;
 
-/// A part of the whole work: 2⁴⁸ is all of it. Parts of a part add up to it exactly.
+/// A share of the whole work, in units of 2⁻⁴⁸. Shares that a share is divided into add up to it exactly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Share(u64);
 
-/// The watch is called once for each of so many equal parts.
+/// Calls in a whole build, each after an equal share of the work.
 const CALLS: u64 = 256;
 
 impl Share {
     pub(crate) const ALL: Self = Self(1 << 48);
 
-    /// In proportion to how many primitives each part has: a leaf is as much work as its primitives.
+    /// Divides the share in proportion to the primitives on either side: the work for a leaf is taken as proportional to them.
     pub(crate) fn divide(self, [lower, upper]: [usize; 2]) -> [Self; 2] {
         let (part, whole) = (lower as u64, (lower as u64 + upper as u64).max(1));
         let lower = u128::from(self.0) * u128::from(part) / u128::from(whole);
-        let lower = u64::try_from(lower).expect("no more than the whole");
+        let lower = u64::try_from(lower).expect("at most the whole");
         [Self(lower), Self(self.0 - lower)]
     }
 }
 
-/// A watch, if there is one, and how far the build has come.
-pub(crate) struct Watched<'a> {
-    watch: Option<&'a Watch<'a>>,
+/// The finished share of a build, and the callback that receives it.
+pub(crate) struct Tracker<'a> {
+    progress: Option<&'a BuildProgress<'a>>,
     done: AtomicU64,
     is_cancelled: AtomicBool,
 }
 
-impl<'a> Watched<'a> {
-    pub(crate) fn new(watch: Option<&'a Watch<'a>>) -> Self {
+impl<'a> Tracker<'a> {
+    pub(crate) fn new(progress: Option<&'a BuildProgress<'a>>) -> Self {
         Self {
-            watch,
+            progress,
             done: AtomicU64::new(0),
             is_cancelled: AtomicBool::new(false),
         }
     }
 
-    /// Takes note of finished work. Fails once the watch has broken, on every thread.
+    /// Records finished work. Fails on every thread once the callback has broken.
     #[inline]
     pub(crate) fn done(&self, share: Share) -> Result<(), BuildError> {
-        match self.watch {
-            Some(watch) => self.tell(watch, share),
+        match self.progress {
+            Some(progress) => self.report(progress, share),
             None => Ok(()),
         }
     }
 
-    fn tell(&self, watch: &Watch<'_>, share: Share) -> Result<(), BuildError> {
+    fn report(&self, progress: &BuildProgress<'_>, share: Share) -> Result<(), BuildError> {
         const PART: u64 = Share::ALL.0 / CALLS;
         let before = self.done.fetch_add(share.0, Ordering::Relaxed);
         let now = before + share.0;
         if before / PART < now / PART {
             let part = (now / PART) as f32 / CALLS as f32;
-            if watch(part).is_break() {
+            if progress(part).is_break() {
                 self.is_cancelled.store(true, Ordering::Relaxed);
             }
         }

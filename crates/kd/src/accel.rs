@@ -16,7 +16,7 @@ use thiserror::Error;
 use crate::{KdTree, LazyTree};
 
 pub use budget::RayBudget;
-pub use decide::{Decision, Why};
+pub use decide::{Decision, DecisionReason};
 
 /// A mesh with whichever structure answers so many rays soonest, building included.
 ///
@@ -39,7 +39,7 @@ pub use decide::{Decision, Why};
 /// };
 /// let positions = (0..5_000).flat_map(post).collect();
 /// let triangles = (0..5_000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-/// let accel = Accel::auto(Mesh::new(positions, triangles)?, RayBudget::rays(10))?;
+/// let accel = Accel::auto(Mesh::new(positions, triangles)?, RayBudget::new(10))?;
 ///
 /// let hit = accel.intersect(&Ray::new([500.1, 0.1, 3.0], [0.0, 0.0, -1.0]));
 /// assert_eq!(hit.map(|hit| hit.triangle), Some(500));
@@ -61,7 +61,7 @@ enum Built {
     Lazy(LazyTree),
 }
 
-/// Why there is no structure.
+/// DecisionReason there is no structure.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum AccelError {

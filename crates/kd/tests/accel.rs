@@ -1,9 +1,10 @@
-//! Whatever is chosen answers as testing every triangle does.
+//! Every chosen structure answers as a test of all triangles does.
 
 use std::sync::Arc;
 
+use kd::select::DecisionReason;
 use kd::select::{Calibration, CalibrationError, RayScheme, Structure, Times};
-use kd::{Accel, Hit, Mesh, Ray, RayBudget, Why};
+use kd::{Accel, Hit, Mesh, Ray, RayBudget};
 use kd_oracle::rays::Rays;
 use kd_oracle::{Answers, check, scenes};
 use kd_scene::Spd;
@@ -49,7 +50,7 @@ fn every_structure_answers_alike() {
             let decision = accel.decision().clone();
             assert_eq!(
                 (decision.structure(), decision.why()),
-                (structure, Why::Asked),
+                (structure, DecisionReason::Asked),
                 "{decision}"
             );
             check_answers(&format!("{name}, {structure}"), accel, 1500);
@@ -65,7 +66,7 @@ fn whatever_is_chosen_answers_alike() {
         (0..300).map(|_| source.draw()).collect()
     };
     for power in 0..=12 {
-        let budget = RayBudget::rays(10_u64.pow(power));
+        let budget = RayBudget::new(10_u64.pow(power));
         for budget in [budget.clone(), budget.with_sample(sample.clone())] {
             let accel = Accel::auto(Arc::clone(&mesh), budget).expect("built");
             check_answers(&format!("10^{power} rays, {accel}"), accel, 300);
@@ -78,20 +79,20 @@ fn whatever_is_chosen_answers_alike() {
 fn hardly_any_rays_get_a_grid_and_very_many_do_not() {
     let mesh = Arc::new(Spd::Gears.generate(2).expect("small").mesh);
     let decided = |rays: u64| {
-        let accel = Accel::auto(Arc::clone(&mesh), RayBudget::rays(rays)).expect("built");
+        let accel = Accel::auto(Arc::clone(&mesh), RayBudget::new(rays)).expect("built");
         accel.decision().clone()
     };
     for rays in [0, 1, 64] {
         let few = decided(rays);
         assert_eq!(
             (few.structure(), few.why()),
-            (Structure::Grid, Why::HardlyAnyRays),
+            (Structure::Grid, DecisionReason::HardlyAnyRays),
             "{few}"
         );
         assert_eq!(few.choice(), None, "nothing was compared");
     }
     let some = decided(100);
-    assert_eq!(some.why(), Why::LeastTotal, "{some}");
+    assert_eq!(some.why(), DecisionReason::LeastTotal, "{some}");
     let choice = some.choice().expect("costs were compared");
     assert_eq!(
         choice.costs.len(),
@@ -99,7 +100,7 @@ fn hardly_any_rays_get_a_grid_and_very_many_do_not() {
         "all of them: {some}"
     );
     let many = decided(u64::MAX);
-    assert_eq!(many.why(), Why::ManyRays, "{many}");
+    assert_eq!(many.why(), DecisionReason::ManyRays, "{many}");
     assert_ne!(many.structure(), Structure::Grid, "{many}");
     let text = many.to_string();
     assert!(
@@ -118,7 +119,7 @@ fn meshes_of_nothing_and_of_one_triangle_are_decided() {
     let point = Mesh::new(vec![[1.0; 3]; 3], vec![[0, 1, 2]]);
     for mesh in [nothing, one.expect("valid"), point.expect("valid")] {
         for rays in [0, 1000, u64::MAX] {
-            let accel = Accel::auto(mesh.clone(), RayBudget::rays(rays)).expect("built");
+            let accel = Accel::auto(mesh.clone(), RayBudget::new(rays)).expect("built");
             let ray = Ray::new([0.2, 0.2, 5.0], [0.0, 0.0, -1.0]);
             let expected = kd_trace::brute_force::intersect(&mesh, &ray);
             assert_eq!(accel.intersect(&ray), expected, "{accel}");
@@ -144,11 +145,11 @@ fn a_grid_that_was_tried_is_left_for_what_is_better() {
         }
     }
     let mesh = Spd::Tetra.generate(5).expect("small").mesh;
-    let accel = Accel::auto_by(mesh, RayBudget::rays(1_000_000), &calibration).expect("built");
+    let accel = Accel::auto_by(mesh, RayBudget::new(1_000_000), &calibration).expect("built");
     let decision = accel.decision();
     assert_eq!(
         (decision.why(), decision.structure()),
-        (Why::LeastTotal, Structure::Best),
+        (DecisionReason::LeastTotal, Structure::Best),
         "{accel}"
     );
 }
@@ -180,6 +181,6 @@ fn a_calibration_of_ones_own_decides() {
         "of both kinds"
     );
     let mesh = Spd::Tetra.generate(5).expect("small").mesh;
-    let accel = Accel::auto_by(mesh, RayBudget::rays(1000), &calibration).expect("built");
+    let accel = Accel::auto_by(mesh, RayBudget::new(1000), &calibration).expect("built");
     assert_eq!(accel.decision().structure(), Structure::Best, "{accel}");
 }

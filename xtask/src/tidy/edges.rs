@@ -21,7 +21,6 @@ const EDGES: &[(&str, &[&str])] = &[
     (
         "kd",
         &[
-            "kd-bvh",
             "kd-core",
             "kd-grid",
             "kd-merge",

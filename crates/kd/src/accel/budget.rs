@@ -17,7 +17,7 @@ pub struct RayBudget {
 impl RayBudget {
     /// So many rays, that may come from anywhere and go anywhere: structures are tried on lines through two random points of the
     /// mesh's bounding sphere.
-    pub const fn rays(count: u64) -> Self {
+    pub const fn new(count: u64) -> Self {
         Self {
             rays: count,
             sample: Vec::new(),
@@ -83,7 +83,7 @@ mod tests {
             min: Vec3::new(-1.0, 2.0, 3.0),
             max: Vec3::new(5.0, 4.0, 4.0),
         };
-        let budget = RayBudget::rays(7);
+        let budget = RayBudget::new(7);
         let sample = budget.sample(&bounds);
         assert_eq!(sample, budget.sample(&bounds), "the same always");
         let radius = 0.5 * bounds.diagonal();

@@ -16,14 +16,14 @@ use super::{Accel, AccelError, Built, RayBudget};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
     structure: Structure,
-    why: Why,
+    why: DecisionReason,
     choice: Option<Choice>,
 }
 
 /// What a choice rests on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Why {
+pub enum DecisionReason {
     /// It was asked for.
     Asked,
     /// There are fewer rays than it takes to tell: whatever is there first.
@@ -39,7 +39,7 @@ impl Decision {
     pub(super) fn asked_for(structure: Structure) -> Self {
         Self {
             structure,
-            why: Why::Asked,
+            why: DecisionReason::Asked,
             choice: None,
         }
     }
@@ -50,7 +50,7 @@ impl Decision {
     }
 
     /// What the choice rests on.
-    pub fn why(&self) -> Why {
+    pub fn why(&self) -> DecisionReason {
         self.why
     }
 
@@ -63,10 +63,10 @@ impl Decision {
 impl fmt::Display for Decision {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let why = match self.why {
-            Why::Asked => "it was asked for",
-            Why::HardlyAnyRays => "there are fewer rays than it takes to tell",
-            Why::ManyRays => "there are more rays than a grid is mostly good for",
-            Why::LeastTotal => "its total is least, the grid being there",
+            DecisionReason::Asked => "it was asked for",
+            DecisionReason::HardlyAnyRays => "there are fewer rays than it takes to tell",
+            DecisionReason::ManyRays => "there are more rays than a grid is mostly good for",
+            DecisionReason::LeastTotal => "its total is least, the grid being there",
         };
         write!(f, "{}: {why}", self.structure)?;
         if let Some(choice) = &self.choice {
@@ -100,7 +100,7 @@ pub(super) fn choose(
     if budget.count() > HARDLY_ANY && !estimator.may_be_few(triangles, rays) {
         let costs = estimator.by_size(triangles);
         if let Some(choice) = Choice::among(&costs, rays) {
-            return Accel::decided(mesh, None, Why::ManyRays, choice);
+            return Accel::decided(mesh, None, DecisionReason::ManyRays, choice);
         }
     }
     // On one thread, as what estimates rest on was measured: how much several gain is taken to be alike for all.
@@ -113,7 +113,7 @@ pub(super) fn choose(
             built: Built::Grid(grid),
             decision: Decision {
                 structure: Structure::Grid,
-                why: Why::HardlyAnyRays,
+                why: DecisionReason::HardlyAnyRays,
                 choice: None,
             },
         });
@@ -136,7 +136,7 @@ pub(super) fn choose(
     // The grid comes first, and is there.
     costs[0].1.build_seconds = 0.0;
     let choice = Choice::among(&costs, rays).expect("the grid at least");
-    Accel::decided(mesh, Some(grid), Why::LeastTotal, choice)
+    Accel::decided(mesh, Some(grid), DecisionReason::LeastTotal, choice)
 }
 
 impl Accel {
@@ -144,7 +144,7 @@ impl Accel {
     fn decided(
         mesh: Arc<Mesh>,
         grid: Option<UniformGrid>,
-        why: Why,
+        why: DecisionReason,
         choice: Choice,
     ) -> Result<Self, AccelError> {
         let structure = choice.structure;

@@ -1,13 +1,13 @@
-//! Long builds say how far they are, and end when they are told to.
+//! Long builds report their progress, and can be cancelled.
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use kd_core::Mesh;
-use kd_sah::{BuildError, BuildOptions, Method, build, build_watched};
+use kd_sah::{BuildError, BuildOptions, Method, build, build_with_progress};
 use kd_scene::Spd;
 
-/// The most calls of a watch, as documented.
+/// Upper limit on calls, as documented.
 const MOST_CALLS: usize = 256;
 
 fn builders() -> Vec<BuildOptions> {
@@ -27,36 +27,36 @@ fn builders() -> Vec<BuildOptions> {
 
 fn scene() -> Mesh {
     let mesh = Spd::Gears.generate(2).expect("a small size").mesh;
-    assert!(mesh.len() > 4_000, "enough to do: {}", mesh.len());
+    assert!(mesh.len() > 4_000, "enough work: {}", mesh.len());
     mesh
 }
 
-/// What a watch was told, which broke at the call of that number, and what became of the build.
+/// The reported fractions, of a callback that breaks at call `break_at`, and the error of the build.
 #[track_caller]
-fn told(
+fn reported(
     mesh: &Mesh,
     options: &BuildOptions,
     break_at: Option<usize>,
 ) -> (Vec<f32>, Option<BuildError>) {
-    let told = Mutex::new(Vec::new());
-    let built = build_watched(mesh, options, &|done| {
-        let mut told = told.lock().expect("no watch panics");
-        told.push(done);
-        if Some(told.len()) == break_at {
+    let reported = Mutex::new(Vec::new());
+    let built = build_with_progress(mesh, options, &|done| {
+        let mut reported = reported.lock().expect("no callback panics");
+        reported.push(done);
+        if Some(reported.len()) == break_at {
             ControlFlow::Break(())
         } else {
             ControlFlow::Continue(())
         }
     });
-    let told = told.into_inner().expect("no watch panics");
+    let reported = reported.into_inner().expect("no callback panics");
     assert!(
-        told.len() <= MOST_CALLS,
+        reported.len() <= MOST_CALLS,
         "{options:?}: {} calls",
-        told.len()
+        reported.len()
     );
     assert!(
-        told.iter().all(|done| (0.0..=1.0).contains(done)),
-        "{options:?}: {told:?}"
+        reported.iter().all(|done| (0.0..=1.0).contains(done)),
+        "{options:?}: {reported:?}"
     );
     if let Ok(tree) = &built {
         let unwatched = build(mesh, options).expect("valid options");
@@ -65,36 +65,36 @@ fn told(
             "{options:?}: the same tree, watched or not"
         );
     }
-    (told, built.err())
+    (reported, built.err())
 }
 
 #[test]
 fn on_one_thread_progress_only_grows_and_ends_at_one() {
     let mesh = scene();
     for options in builders() {
-        let (told, error) = told(&mesh, &options.clone().with_threads(1), None);
+        let (reported, error) = reported(&mesh, &options.clone().with_threads(1), None);
         assert_eq!(error, None, "{options:?}");
-        assert!(told.is_sorted(), "{options:?}: {told:?}");
-        assert_eq!(told.last(), Some(&1.0), "{options:?}: done at the end");
+        assert!(reported.is_sorted(), "{options:?}: {reported:?}");
+        assert_eq!(reported.last(), Some(&1.0), "{options:?}: done at the end");
     }
 }
 
 #[test]
 fn several_threads_tell_the_same_parts_in_any_order() {
     let mesh = scene();
-    let (mut alone, _) = told(&mesh, &BuildOptions::best().with_threads(1), None);
+    let (mut alone, _) = reported(&mesh, &BuildOptions::best().with_threads(1), None);
     assert!(alone.len() > MOST_CALLS / 2, "few jumps: {}", alone.len());
     for threads in [2, 4] {
         for options in builders() {
             let options = options.with_threads(threads);
-            let (mut told, error) = told(&mesh, &options, None);
+            let (mut reported, error) = reported(&mesh, &options, None);
             assert_eq!(error, None, "{options:?}");
-            told.sort_by(f32::total_cmp);
-            assert_eq!(told.last(), Some(&1.0), "{options:?}: done at the end");
+            reported.sort_by(f32::total_cmp);
+            assert_eq!(reported.last(), Some(&1.0), "{options:?}: done at the end");
         }
     }
     alone.dedup();
-    assert!(alone.len() > MOST_CALLS / 2, "no part is told twice");
+    assert!(alone.len() > MOST_CALLS / 2, "no part is reported twice");
 }
 
 #[test]
@@ -106,12 +106,12 @@ fn what_is_done_at_once_is_told_once() {
         )
         .expect("valid");
         for options in builders() {
-            let (told, error) = told(&mesh, &options, None);
+            let (reported, error) = reported(&mesh, &options, None);
             assert_eq!(error, None, "{options:?} {triangles:?}");
             assert_eq!(
-                told.last(),
+                reported.last(),
                 Some(&1.0),
-                "{options:?} {triangles:?}: {told:?}"
+                "{options:?} {triangles:?}: {reported:?}"
             );
         }
     }
@@ -123,21 +123,21 @@ fn a_watch_that_breaks_ends_the_build() {
     for threads in [1, 2] {
         for options in builders() {
             let options = options.with_threads(threads);
-            let (all, _) = told(&mesh, &options, None);
+            let (all, _) = reported(&mesh, &options, None);
             let mut breaks = vec![1, all.len().div_ceil(2)];
             if threads == 1 {
                 // Several threads may finish parts of the work together, and then tell of them in fewer calls.
                 breaks.push(all.len());
             }
             for break_at in breaks {
-                let (told, error) = told(&mesh, &options, Some(break_at));
+                let (reported, error) = reported(&mesh, &options, Some(break_at));
                 assert_eq!(
                     error,
                     Some(BuildError::Cancelled),
                     "{options:?} at {break_at}"
                 );
                 if threads == 1 {
-                    assert_eq!(told.len(), break_at, "{options:?}: no call after it");
+                    assert_eq!(reported.len(), break_at, "{options:?}: no call after it");
                 }
             }
         }
