@@ -4,7 +4,8 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use kd::{BuildOptions, KdTree, Layout, Level, Mesh, Method, Ray, WideTree};
+use kd::layout::{Level, WideTree};
+use kd::{BuildOptions, KdTree, Layout, Mesh, Method, Ray};
 use kd_scene::{Camera, Spd};
 
 /// A scene that builds in milliseconds, and its camera.

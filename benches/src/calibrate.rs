@@ -16,7 +16,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum as _};
-use kd::{BuildOptions, CostModel, KdTree, Layout, Ray, TraversalCounts};
+use kd::layout::TraversalCounts;
+use kd::{BuildOptions, CostModel, KdTree, Layout, Ray};
 use serde::Serialize;
 
 use crate::cli::name_of;
@@ -146,7 +147,7 @@ pub(crate) fn run(arguments: &CalibrateArgs) -> anyhow::Result<bool> {
             rev: environment.rev,
             cpu: environment.cpu,
             rustc: environment.rustc,
-            level: kd::Level::detect().name(),
+            level: kd::layout::Level::detect().name(),
             scenes: sources.iter().map(|source| source.name.clone()).collect(),
             groups: equations.len(),
             groups_kept: fit.kept,

@@ -69,8 +69,8 @@ fn cpu() -> Option<String> {
 
 /// What a tree detects, or what the whole program was compiled for.
 fn simd() -> &'static str {
-    let level = kd::Level::detect();
-    if level == kd::Level::portable() {
+    let level = kd::layout::Level::detect();
+    if level == kd::layout::Level::portable() {
         compiled_simd()
     } else {
         level.name()

@@ -8,7 +8,9 @@ use std::time::Duration;
 use anyhow::Context as _;
 use clap::Args;
 use kd::glam::Vec3;
-use kd::{BuildOptions, CostModel, Mesh, PackedTree, Ray, Tree};
+use kd::layout::PackedTree;
+use kd::tree::Tree;
+use kd::{BuildOptions, CostModel, Mesh, Ray};
 use kd_core::{Arena, NodeIndex, Slot};
 use kd_merge::{
     Census, MergeOptions, Merged, Placed, bsp_merge, build_clusters, insert, partition_trees,

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum as _;
-use kd::{BuildOptions, KdTree, Mesh, Tree};
+use kd::tree::Tree;
+use kd::{BuildOptions, KdTree, Mesh};
 
 use crate::check::Answers;
 use crate::cli::name_of;

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use anyhow::bail;
-use kd::{Hit, Mesh, Ray, WideTree};
+use kd::layout::WideTree;
+use kd::{Hit, Mesh, Ray};
 use kd_comparators::{Bvh, BvhMethod, BvhOptions};
 use kd_trace::RayQuery;
 use rayon::ThreadPoolBuilder;

@@ -74,7 +74,7 @@ pub(crate) fn run(arguments: &CompareArgs) -> anyhow::Result<()> {
             format!(
                 "{:.2}",
                 stats
-                    .traced_bytes
+                    .layout_bytes
                     .map_or(0, |bytes| bytes.nodes + bytes.blocks) as f64
                     * 1e-6
             ),

@@ -6,8 +6,9 @@ use crate::Axis;
 
 /// An axis-aligned bounding box, closed on all sides. It may be flat, or a single point.
 ///
-/// A box with `min > max` on some axis is empty; [`Aabb::EMPTY`] is the one to start a union from.
+/// A box with `min > max` on some axis is empty; [`Aabb::EMPTY`], the default, starts a union.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct Aabb {
     /// The lowest corner.
     pub min: Vec3,
@@ -15,8 +16,15 @@ pub struct Aabb {
     pub max: Vec3,
 }
 
+/// [`EMPTY`](Aabb::EMPTY).
+impl Default for Aabb {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl Aabb {
-    /// Holds nothing; the neutral element of [`union`](Self::union).
+    /// Contains no point; the neutral element of [`union`](Self::union).
     pub const EMPTY: Self = Self {
         min: Vec3::INFINITY,
         max: Vec3::NEG_INFINITY,
@@ -30,7 +38,7 @@ impl Aabb {
         })
     }
 
-    /// Whether the box holds no point.
+    /// Whether the box contains no point.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.min.cmpgt(self.max).any()
@@ -46,7 +54,7 @@ impl Aabb {
         }
     }
 
-    /// What both boxes share; empty if they do not meet.
+    /// The intersection of both boxes; empty if they are disjoint.
     #[inline]
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
@@ -56,7 +64,7 @@ impl Aabb {
         }
     }
 
-    /// The middle of the box. Halves are added, so that it stays finite for any finite box.
+    /// The center of the box. Adds halves, so that it is finite for any finite box.
     #[inline]
     pub fn center(&self) -> Vec3 {
         0.5 * self.min + 0.5 * self.max
@@ -68,7 +76,7 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Length of the diagonal, in scene units; 0 for an empty box, infinite only where f32 does not hold it.
+    /// Length of the diagonal, in scene units; 0 for an empty box, infinite only beyond the range of f32.
     #[inline]
     #[allow(
         clippy::cast_possible_truncation,
@@ -84,8 +92,8 @@ impl Aabb {
 
     /// Half the surface area, in squared scene units; 0 for an empty box.
     ///
-    /// In f64, so that it neither overflows nor underflows for any finite box: probabilities of the surface area
-    /// heuristic are ratios of these.
+    /// In f64, so that it neither overflows nor underflows for any finite box: the probabilities of the surface area
+    /// heuristic are ratios of half areas.
     #[inline]
     pub fn half_area(&self) -> f64 {
         if self.is_empty() {
@@ -95,9 +103,9 @@ impl Aabb {
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// Both parts of the box when cut at `position` along `axis`: the lower one, then the upper one.
+    /// The two halves of the box when cut at `position` along `axis`: the lower, then the upper.
     ///
-    /// The position is expected to lie within the box; otherwise one part is empty or larger than the box.
+    /// Expects a position within the box; otherwise one half is empty or larger than the box.
     #[inline]
     #[must_use]
     pub fn split(&self, axis: Axis, position: f32) -> (Self, Self) {
@@ -116,9 +124,10 @@ mod tests {
     fn empty_box_is_neutral_and_has_no_size() {
         let unit = Aabb::around([Vec3::ZERO, Vec3::ONE]);
         assert_eq!(Aabb::EMPTY.union(&unit), unit, "union with nothing");
+        assert_eq!(Aabb::default(), Aabb::EMPTY, "the default");
         assert!(
             Aabb::EMPTY.is_empty() && !unit.is_empty(),
-            "emptiness is told apart"
+            "only the empty box is empty"
         );
         assert_eq!(
             (Aabb::EMPTY.half_area(), Aabb::EMPTY.diagonal()),

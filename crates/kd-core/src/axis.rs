@@ -2,6 +2,7 @@
 
 /// A coordinate axis. The order `X < Y < Z` settles ties between planes of equal cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
 pub enum Axis {
     /// The first axis.

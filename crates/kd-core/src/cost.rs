@@ -6,6 +6,7 @@
 /// `intersect * lanes * ceil(n / lanes)`: `intersect` is the cost of one lane of a block of `lanes` triangles that are
 /// tested together.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CostModel {
     /// K_T, the cost of one step through an interior node. Positive and finite.
     pub traverse: f32,

@@ -1,10 +1,10 @@
-//! Index types that must not be mixed up.
+//! Index types that must not be confused.
 
 use std::fmt;
 
-/// A reference to a triangle as leaves store it: a global number, part base + triangle of that part.
+/// A reference to a triangle as leaves store it: the number of a triangle in a frame, first slot of the part + triangle of the part.
 ///
-/// For a tree over one mesh the base is 0, so the slot is the triangle's number.
+/// In a tree over one mesh the slot is the triangle's number.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
 )]
@@ -19,7 +19,7 @@ impl Slot {
     }
 }
 
-/// The place of a [`Node`](crate::Node) in its arena.
+/// The index of a [`Node`](crate::Node) in its arena.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeIndex(pub u32);
 

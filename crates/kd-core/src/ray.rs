@@ -6,21 +6,22 @@ use glam::Vec3;
 /// A ray `origin + t * direction` for `t_min <= t <= t_max`.
 ///
 /// The direction need not have unit length: `t` is measured in multiples of it. A ray with a NaN or an infinite
-/// origin or direction, a zero direction, `t_min > t_max` or a mask of 0 is valid to trace and hits nothing.
+/// origin or direction, a zero direction, `t_min > t_max` or a mask of 0 is valid to trace, and hits nothing.
 ///
 /// In memory it is nine words, in the order of its fields.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ray {
-    /// Where `t` is 0.
+    /// The point at `t = 0`.
     pub origin: Vec3,
-    /// Where it goes, and the unit of `t`.
+    /// The direction, and the unit of `t`.
     pub direction: Vec3,
-    /// The lowest `t` that counts, inclusive. May be negative.
+    /// The lower end of the range of `t`, inclusive. May be negative.
     pub t_min: f32,
-    /// The highest `t` that counts, inclusive. May be infinite; a hit is always at a finite `t`.
+    /// The upper end of the range of `t`, inclusive. May be infinite; a hit is always at a finite `t`.
     pub t_max: f32,
-    /// Which geometry the ray sees: bits are compared with those of a part; a single mesh has all of them.
+    /// Bits of the geometry that the ray sees. Meshes and parts have no masks yet and count as having all bits: a ray with mask 0
+    /// hits nothing, and every other mask sees everything.
     pub mask: u32,
 }
 
@@ -36,8 +37,8 @@ impl Ray {
         }
     }
 
-    /// The open segment between two points, as shadow rays want it: `a` is at `t = 0` and `b` at `t = 1`, and
-    /// neither counts. Equal points, and points so far apart that f32 does not hold their difference, give a ray that
+    /// The open segment between two points, for shadow rays: `a` is at `t = 0` and `b` at `t = 1`, both
+    /// excluded. Equal points, and points whose difference exceeds the range of f32, give a ray that
     /// hits nothing.
     ///
     /// A surface that passes through `a` or `b` only up to rounding may still be hit: see
@@ -55,7 +56,7 @@ impl Ray {
         self
     }
 
-    /// The same ray seeing only geometry that shares a bit with `mask`.
+    /// The same ray with another [`mask`](Self::mask).
     #[must_use]
     pub const fn with_mask(mut self, mask: u32) -> Self {
         self.mask = mask;
@@ -68,7 +69,7 @@ impl Ray {
         (self.origin.as_dvec3() + f64::from(t) * self.direction.as_dvec3()).as_vec3()
     }
 
-    /// Whether the ray can hit anything at all: finite, with a direction and a range. See [`Ray`].
+    /// Whether the ray can hit anything: it is finite, and has a direction, a range and a mask. See [`Ray`].
     #[inline]
     pub fn can_hit(&self) -> bool {
         self.origin.is_finite()
@@ -81,9 +82,13 @@ impl Ray {
 
 /// Where a ray meets a triangle.
 ///
+/// In memory it is four words, in the order of its fields.
+///
 /// The point is `(1 - u - v) v0 + u v1 + v v2` for the triangle's corners `v0`, `v1`, `v2`, and up to rounding also
 /// [`Ray::at`]`(t)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(C)]
 pub struct Hit {
     /// Distance along the ray, in multiples of its direction.
     pub t: f32,
@@ -96,7 +101,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// The point that was hit, on `ray`; the ray must be the one that was traced.
+    /// The point of the hit on `ray`, which must be the ray that was traced.
     #[inline]
     pub fn point(&self, ray: &Ray) -> Vec3 {
         ray.at(self.t)
@@ -104,18 +109,18 @@ impl Hit {
 
     /// The order of hits along a ray: nearer first, and at equal distance the lower triangle.
     ///
-    /// Every query settles ties by it, so that any two of them can be compared with `==`.
+    /// All queries break ties by it, so that their results can be compared with `==`.
     #[inline]
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
     }
 }
 
-/// Moves a point on a surface off it along `normal`, so that a ray from there does not meet the same surface again.
+/// Moves a point off the surface along `normal`, so that a ray from there does not meet the same surface again.
 ///
 /// `normal` has unit length and points to the side where the new ray starts. The step is about 256 units in the last
-/// place of each coordinate, and 2⁻¹⁶ near the origin of the coordinate system, which suits scenes whose size is
-/// between 10⁻² and 10⁵ units; scale others, or use your own offset.
+/// place of each coordinate, and 2⁻¹⁶ near the origin of the coordinate system. It suits scenes of 10⁻² to 10⁵ units in size;
+/// scale others, or use another offset.
 /// (C. Wächter and N. Binder, *A Fast and Robust Method for Avoiding Self-Intersection*, Ray Tracing Gems, 2019.)
 pub fn offset_origin(point: Vec3, normal: Vec3) -> Vec3 {
     const NEAR_ZERO: f32 = 1.0 / 32.0;
@@ -162,6 +167,19 @@ mod tests {
             good.with_range(2.0, 2.0).can_hit(),
             "a range of one point is a range"
         );
+    }
+
+    #[test]
+    fn hits_are_four_words() {
+        let hit = Hit {
+            t: 1.5,
+            u: 0.25,
+            v: 0.5,
+            triangle: 7,
+        };
+        let words: [u32; 4] = bytemuck::cast(hit);
+        let expected = [1.5_f32.to_bits(), 0.25_f32.to_bits(), 0.5_f32.to_bits(), 7];
+        assert_eq!(words, expected, "in the order of the fields");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{Aabb, CostModel, Node, NodeIndex, NodeView, Tree};
+use crate::{Aabb, CostModel, LayoutBytes, Node, NodeIndex, NodeView, Tree};
 
 /// Counts, histograms and costs of a tree.
 ///
@@ -10,6 +10,7 @@ use crate::{Aabb, CostModel, Node, NodeIndex, NodeView, Tree};
 /// meet the root's box (not padded): the sum over all nodes of the node's cost times its half area, divided by the half
 /// area of the root.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct TreeStats {
     /// Triangles of the mesh.
@@ -39,22 +40,13 @@ pub struct TreeStats {
     pub node_bytes: usize,
     /// Bytes of references.
     pub reference_bytes: usize,
-    /// Bytes of the layout that rays traverse; `None` if the tree has no layout.
-    pub traced_bytes: Option<TracedBytes>,
+    /// Bytes of the layout that rays traverse; `None` for a tree without one.
+    pub layout_bytes: Option<LayoutBytes>,
     /// Cells that were not divided because the limit of references was reached: see [`Tree::limited_cells`].
     pub limited_cells: usize,
 }
 
-/// Bytes of the layout that rays traverse.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TracedBytes {
-    /// Bytes of nodes.
-    pub nodes: usize,
-    /// Bytes of blocks of triangles.
-    pub blocks: usize,
-}
-
-/// Leaf sizes up to this number have a bucket each.
+/// Leaf sizes up to this one have a bucket of their own.
 const EXACT_SIZES: usize = 8;
 
 impl TreeStats {
@@ -74,7 +66,7 @@ impl TreeStats {
             sah_cost_own: 0.0,
             node_bytes: tree.bytes() - reference_bytes,
             reference_bytes,
-            traced_bytes: None,
+            layout_bytes: None,
             limited_cells: tree.limited_cells(),
         };
         StatsVisitor {
@@ -94,10 +86,10 @@ impl TreeStats {
         self
     }
 
-    /// The same statistics with [`traced_bytes`](Self::traced_bytes) set.
+    /// The same statistics with the bytes of the layout filled in.
     #[must_use]
-    pub fn with_traced_bytes(mut self, traced_bytes: TracedBytes) -> Self {
-        self.traced_bytes = Some(traced_bytes);
+    pub fn with_layout_bytes(mut self, layout_bytes: LayoutBytes) -> Self {
+        self.layout_bytes = Some(layout_bytes);
         self
     }
 
@@ -110,15 +102,14 @@ impl TreeStats {
         }
     }
 
-    /// Bytes of the tree, without the mesh and the layout.
+    /// Bytes of the tree, without its mesh and its layout.
     pub fn bytes_total(&self) -> usize {
         self.node_bytes + self.reference_bytes
     }
 
     /// Bytes of the tree and of its layout, without the mesh.
     pub fn bytes_kept(&self) -> usize {
-        let traced = self.traced_bytes.unwrap_or_default();
-        self.bytes_total() + traced.nodes + traced.blocks
+        self.bytes_total() + self.layout_bytes.unwrap_or_default().total()
     }
 
     /// The label of a bucket of [`leaves_by_size`](Self::leaves_by_size), such as `"3"` or `"≤16"`.
@@ -242,8 +233,8 @@ impl fmt::Display for TreeStats {
             "  per triangle   {:>12.1}",
             per_triangle(self.bytes_total())
         )?;
-        if let Some(traced) = self.traced_bytes {
-            let TracedBytes { nodes, blocks } = traced;
+        if let Some(layout) = self.layout_bytes {
+            let LayoutBytes { nodes, blocks } = layout;
             writeln!(f, "bytes to trace   {:>12}", nodes + blocks)?;
             writeln!(f, "  nodes          {nodes:>12}")?;
             writeln!(f, "    per triangle {:>12.1}", per_triangle(nodes))?;

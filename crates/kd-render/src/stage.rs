@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use kd::glam::{Affine3A, DVec3, Mat3A, Vec3};
-use kd::{
-    Aabb, BuildOptions, CommitError, CommitReport, Mesh, MeshError, PartId, Scene, SceneError,
-    Strategy,
-};
+use kd::scene::{CommitError, CommitReport, SceneError};
+use kd::{Aabb, BuildOptions, Mesh, MeshError, PartId, Scene, Strategy};
 use kd_scene::{Camera, Part, SceneDescription, TextureSource, light_above};
 use thiserror::Error;
 

@@ -1,7 +1,8 @@
 //! Views of the tree: heat maps, leaf depths, and the cells of a level.
 
 use kd::glam::{DVec3, Vec3};
-use kd::{Aabb, Hit, KdTree, NodeIndex, NodeView, Ray, Tree};
+use kd::tree::{NodeIndex, NodeView, Tree};
+use kd::{Aabb, Hit, KdTree, Ray};
 use kd_scene::{Camera, ColorSpace, View};
 use rayon::prelude::*;
 

@@ -12,7 +12,7 @@ use crate::options::{BuildError, BuildOptions};
 use crate::output::{Built, Interior, Output};
 use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, as_count, offer_empty_cuts};
 use crate::prim::Prim;
-use crate::progress::{Share, Watched};
+use crate::progress::{Share, Tracker};
 
 /// A cell with fewer primitives is built within one task.
 const TASK_PRIMS: usize = 1024;
@@ -24,7 +24,7 @@ const CHUNKED_PRIMS: usize = 2 * CHUNK;
 pub(crate) struct Task<'a, S> {
     pub(crate) source: &'a S,
     pub(crate) options: &'a BuildOptions,
-    pub(crate) watched: &'a Watched<'a>,
+    pub(crate) tracker: &'a Tracker<'a>,
 }
 
 impl<S> Clone for Task<'_, S> {
@@ -122,7 +122,7 @@ impl<S: PrimSource> Task<'_, S> {
             source: self.source,
             chooser,
             options: self.options,
-            watched: self.watched,
+            tracker: self.tracker,
             model: &self.options.cost,
             leaf_cost: LeafCost::new(&self.options.cost),
             max_depth: start.max_depth,
@@ -205,7 +205,7 @@ struct Driver<'a, S, C> {
     source: &'a S,
     chooser: &'a C,
     options: &'a BuildOptions,
-    watched: &'a Watched<'a>,
+    tracker: &'a Tracker<'a>,
     model: &'a CostModel,
     leaf_cost: LeafCost,
     max_depth: u32,
@@ -417,7 +417,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         allowance: &Allowance,
         output: &mut Output,
     ) -> Result<Built, BuildError> {
-        self.watched.done(allowance.share)?;
+        self.tracker.done(allowance.share)?;
         output.limited_cells += usize::from(allowance.is_limited);
         let refs = prims.iter().map(|prim| Slot(prim.slot()));
         output.leaf(refs, self.model)

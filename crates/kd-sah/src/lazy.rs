@@ -10,7 +10,7 @@ use crate::choose::{ChoosePlane, WithChooser, with_chooser_of};
 use crate::driver::{Start, Task};
 use crate::options::{BuildError, BuildOptions};
 use crate::plane::Plane;
-use crate::progress::Watched;
+use crate::progress::Tracker;
 
 /// The greatest number of primitives of a cell whose whole subtree is built when it is opened.
 const MAX_EAGER: usize = 1024;
@@ -80,11 +80,11 @@ impl<L> LazyNode<L> {
             let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
             let start = pending.take().expect("a cell is opened once");
             let options = options.clone().with_threads(1);
-            let watched = Watched::new(None);
+            let tracker = Tracker::new(None);
             let task = Task {
                 source,
                 options: &options,
-                watched: &watched,
+                tracker: &tracker,
             };
             Self::open_now(task, start, finish)
         })

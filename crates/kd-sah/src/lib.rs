@@ -17,8 +17,8 @@
 //!
 //! # Which method
 //!
-//! The presets choose for you. [`Method::Exact`] finds the plane of least cost everywhere; [`Method::Hybrid`] only
-//! below some number of primitives, and builds faster for a tree that is nearly as good.
+//! The presets choose a method. [`Method::Exact`] finds the plane of least cost everywhere; [`Method::Hybrid`] only
+//! below some number of primitives, and builds faster for a tree of almost the same cost.
 //!
 //! | method | planes | from |
 //! |---|---|---|
@@ -31,13 +31,13 @@
 //! | [`Sampled`](Method::Sampled) | piecewise quadratic cost | Hunt et al. 2006 |
 //! | [`Hybrid`](Method::Hybrid) | binned above, exact below | here |
 //!
-//! The four exact ones give the very same tree, bit for bit; the slow ones are there to prove it.
+//! The four exact methods give the same tree, bit for bit; the slow ones serve as its proof.
 //!
 //! # What holds for every tree
 //!
-//! - Every part of every primitive is in a leaf whose cell it reaches into; [`Tree::check_coverage`] checks it.
+//! - A primitive is referenced in every leaf whose cell it overlaps; [`Tree::check_coverage`] checks it.
 //! - A primitive that lies in a plane goes to one side, the cheaper one.
-//! - The same input and options give the same bytes, whatever the number of threads.
+//! - The same input and options give the same bytes at any number of threads.
 //! - Empty input gives one empty leaf. Zero-area primitives are kept, and end the recursion like any other.
 #![deny(unsafe_code)]
 
@@ -65,66 +65,66 @@ use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
 pub use kd_tasks::ThreadsError;
 pub use lazy::{LazyNode, Opened};
 pub use options::{BuildError, BuildOptions, Method};
-pub use progress::Watch;
+pub use progress::BuildProgress;
 
 use cell::Place;
 use choose::{ChoosePlane, WithChooser, with_chooser_of};
 use driver::{Start, Task};
 use output::Output;
 use prim::{Around, Prim};
-use progress::Watched;
+use progress::Tracker;
 
-/// Primitives to a chunk of a cell that is worked on by several threads.
+/// Primitives in a chunk of a cell that several threads share.
 const CHUNK: usize = 1 << 13;
 
 /// Builds a tree over `source`.
 ///
-/// Time and memory are those of the [`Method`]. [`Method::Exact`] takes about O(N log N) time, and 32 bytes per
-/// primitive or part of one twice over: cells that wait for their turn on the path being worked on, and as much again
-/// to divide them into; the bench records the peak, tree included, as `peak_build_bytes`.
+/// Time and memory depend on the [`Method`]. [`Method::Exact`] takes about O(N log N) time, and 64 bytes per reference: 32 for
+/// pending cells on the current path, and 32 for the cells that they are divided into. The bench records the peak, tree
+/// included, as `peak_build_bytes`.
 ///
 /// # Errors
 ///
 /// [`BuildError`]: an option out of range, a primitive without a finite box, or a tree too large for its indices.
 /// A mesh and default options give none short of hundreds of millions of triangles.
 pub fn build<S: PrimSource>(source: &S, options: &BuildOptions) -> Result<Tree, BuildError> {
-    build_watched_by(source, options, &Watched::new(None))
+    build_tracked(source, options, &Tracker::new(None))
 }
 
-/// [`build`] for long builds: `watch` is called up to 256 times on the way with the part that is done, and can end
+/// [`build`] for long builds: calls `progress` up to 256 times with the fraction that is done, from 0 to 1; `progress` can cancel
 /// the build by breaking.
 ///
 /// ```
 /// use std::ops::ControlFlow;
 /// # use kd_core::Mesh;
-/// # use kd_sah::{BuildError, BuildOptions, build_watched};
+/// # use kd_sah::{BuildError, BuildOptions, build_with_progress};
 /// # let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
 /// let options = BuildOptions::default();
-/// let tree = build_watched(&mesh, &options, &|done| {
+/// let tree = build_with_progress(&mesh, &options, &|done| {
 ///     println!("{:.0} %", 100.0 * done);
 ///     ControlFlow::Continue(())
 /// })?;
 ///
-/// let cancelled = build_watched(&mesh, &options, &|_| ControlFlow::Break(()));
+/// let cancelled = build_with_progress(&mesh, &options, &|_| ControlFlow::Break(()));
 /// assert_eq!(cancelled.err(), Some(BuildError::Cancelled));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
 ///
-/// Those of [`build`], and [`BuildError::Cancelled`] soon after `watch` has broken.
-pub fn build_watched<S: PrimSource>(
+/// Those of [`build`], and [`BuildError::Cancelled`] soon after `progress` has broken.
+pub fn build_with_progress<S: PrimSource>(
     source: &S,
     options: &BuildOptions,
-    watch: &Watch<'_>,
+    progress: &BuildProgress<'_>,
 ) -> Result<Tree, BuildError> {
-    build_watched_by(source, options, &Watched::new(Some(watch)))
+    build_tracked(source, options, &Tracker::new(Some(progress)))
 }
 
-fn build_watched_by<S: PrimSource>(
+fn build_tracked<S: PrimSource>(
     source: &S,
     options: &BuildOptions,
-    watched: &Watched<'_>,
+    tracker: &Tracker<'_>,
 ) -> Result<Tree, BuildError> {
     options.check()?;
     let (output, bounds) = kd_tasks::in_pool_of(options.threads, || {
@@ -132,7 +132,7 @@ fn build_watched_by<S: PrimSource>(
         let task = Task {
             source,
             options,
-            watched,
+            tracker,
         };
         let start = Start::root(place, prims, options);
         let output = with_chooser_of(options, Build { task, start })?;
@@ -148,7 +148,7 @@ fn build_watched_by<S: PrimSource>(
     Ok(tree.with_limited_cells(output.limited_cells))
 }
 
-/// A whole build.
+/// A build with the chooser still open.
 struct Build<'a, S> {
     task: Task<'a, S>,
     start: Start,
@@ -162,7 +162,7 @@ impl<S: PrimSource> WithChooser for Build<'_, S> {
     }
 }
 
-/// All primitives with their whole boxes.
+/// The root cell: all primitives with their unclipped boxes.
 fn root_cell(source: &impl PrimSource, parallel: bool) -> Result<(Place, Vec<Prim>), BuildError> {
     let primitives = source.count();
     if primitives as usize > MAX_TRIANGLES {

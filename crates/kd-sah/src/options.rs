@@ -1,55 +1,60 @@
-//! What a user can ask of a build.
+//! Options of a build, and its errors.
 
-use kd_core::{CostModel, Layout, MAX_DEPTH, TreeError};
+use kd_core::{CostModel, Layout, MAX_DEPTH, MAX_TRIANGLES, TreeError};
 use kd_tasks::ThreadsError;
 use thiserror::Error;
 
 use crate::bins::MOST_BINS;
 
-/// How to choose the plane that divides a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How the plane that divides a cell is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Method {
-    /// The middle of the cell, axes in turn, down to [small leaves](BuildOptions::with_small_leaf). Duplicates the most
+    /// The middle of the cell, axes in turn, down to [small leaves](BuildOptions::with_small_leaf). Has the most references
     /// and traces slowest; for comparison.
     Median,
-    /// The plane of least SAH cost, each candidate counted over all triangles: O(N²), minutes above 10⁴ of them. The
-    /// oracle of the others.
+    /// The plane of least SAH cost; counts all triangles for each candidate: O(N²), minutes above 10⁴ of them. The
+    /// oracle of the other methods.
     Naive,
-    /// The plane of least SAH cost by a sweep over events sorted anew in each cell: O(N log² N). An oracle too.
+    /// The plane of least SAH cost by a sweep over events that are sorted in each cell: O(N log² N). A second oracle.
     Resort,
-    /// The plane of least SAH cost by a sweep over events sorted once: O(N log N). Gives the same tree, in more memory
-    /// than [`Exact`](Self::Exact): about 50 bytes more for each primitive.
+    /// The plane of least SAH cost by a sweep over events that are sorted once: O(N log N). Takes about 50 bytes per primitive
+    /// more than [`Exact`](Self::Exact), for the same tree.
     Sweep,
-    /// The plane of least SAH cost, looked for only in those of up to 256 bins that may hold it. The fastest of the
-    /// exact ones; gives the same tree as [`Naive`](Self::Naive), [`Resort`](Self::Resort) and [`Sweep`](Self::Sweep).
+    /// The plane of least SAH cost; sweeps only those of up to 256 bins that may contain it. The fastest of the
+    /// exact methods; gives the same tree as [`Naive`](Self::Naive), [`Resort`](Self::Resort) and [`Sweep`](Self::Sweep).
     Exact,
     /// The best boundary between bins along each axis, [adjusted](BuildOptions::with_plane_adjustment) to the geometry
     /// beside it.
     Binned {
-        /// Most bins along each axis, 2 to 256. Cells of few primitives have fewer, but at least 32 if that many are
-        /// allowed.
+        /// Upper limit on the bins along each axis, 2 to 256. Cells of few primitives have fewer, down to 32 or this limit.
         bins: u16,
     },
-    /// The least of a piecewise quadratic cost through 16 sampled planes an axis; exact for few primitives.
+    /// The minimum of a piecewise quadratic cost through 16 sampled planes per axis; exact for few primitives.
     Sampled {
         /// Samples all axes instead of only the longest.
         all_axes: bool,
     },
     /// [`Binned`](Self::Binned) in cells with more than `exact_below` primitives, [`Exact`](Self::Exact) in others.
     Hybrid {
-        /// Most bins along each axis, 2 to 256, as in [`Binned`](Self::Binned).
+        /// Upper limit on the bins along each axis, 2 to 256, as in [`Binned`](Self::Binned).
         bins: u16,
-        /// The most primitives of a cell that is divided exactly.
+        /// Cells of at most this many primitives are divided exactly.
         exact_below: u32,
     },
 }
 
-/// Options of a build. Start from a preset ([`balanced`](Self::balanced) is the default) and change what you need.
+/// Options of a build. Start from a preset ([`balanced`](Self::balanced) is the default) and change single options.
 ///
-/// Options are checked by the build, which names the one that is wrong. The tree depends on the primitives and on
-/// the options except [`with_threads`](Self::with_threads) and [`with_layout`](Self::with_layout), bit for bit.
+/// The build checks its options, and its error names the one that is out of range. The tree depends, bit for bit, on the
+/// primitives and on all options but [`with_threads`](Self::with_threads) and [`with_layout`](Self::with_layout).
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct BuildOptions {
     pub(crate) method: Method,
     pub(crate) cost: CostModel,
@@ -65,12 +70,12 @@ pub struct BuildOptions {
     layout: Layout,
 }
 
-/// The depth that no builder exceeds, whatever the number of primitives.
+/// The default depth limit, for any number of primitives.
 const DEPTH_CAP: u32 = 48;
 
 impl BuildOptions {
-    /// For meshes that change often: planes across the longest axis of a cell only, between bins as they are in cells of
-    /// more than 64 primitives.
+    /// For meshes that change often: planes across the longest axis of a cell only, and, in cells of more than 64
+    /// primitives, fewer bins that are searched for a better plane ([`with_plane_adjustment`](Self::with_plane_adjustment) 0.95).
     ///
     /// Builds in 1.12 times the time of Embree's medium-quality build, traces in 1.00 times the time of
     /// [`best`](Self::best), and its SAH cost is 1.04 times that of `best`.
@@ -122,14 +127,14 @@ impl BuildOptions {
         }
     }
 
-    /// How to choose planes.
+    /// Sets how planes are chosen.
     #[must_use]
     pub const fn with_method(mut self, method: Method) -> Self {
         self.method = method;
         self
     }
 
-    /// What the steps of a traversal cost. The costs must be positive and finite, lanes at least 1, and the empty
+    /// Sets the costs of the steps of a traversal. Costs must be positive and finite, lanes at least 1, and the empty
     /// bonus in (0, 1].
     #[must_use]
     pub const fn with_cost(mut self, cost: CostModel) -> Self {
@@ -137,7 +142,7 @@ impl BuildOptions {
         self
     }
 
-    /// The most interior nodes above a leaf, at most [`MAX_DEPTH`]. Without it, 8 + 1.3 log₂ N and at most 48
+    /// Sets the upper limit on interior nodes above a leaf, at most [`MAX_DEPTH`]. The default is 8 + 1.3 log₂ N, at most 48
     /// (Havran and Bittner 2002).
     #[must_use]
     pub const fn with_max_depth(mut self, max_depth: u32) -> Self {
@@ -145,92 +150,137 @@ impl BuildOptions {
         self
     }
 
-    /// The most references in all leaves together, at least one per primitive. Where refinement reaches it, cells
-    /// become leaves as they are; nothing is lost. Without it, 64 per primitive.
+    /// Sets the upper limit on references in all leaves together; at least one per primitive counts. Cells become leaves where
+    /// the limit is reached, and no primitive is lost. The default is 64 per primitive.
     ///
-    /// A cell's share is divided between its children in proportion to what they hold, so the outcome does not
-    /// depend on the order of the build. [`TreeStats::limited_cells`](kd_core::TreeStats::limited_cells) counts the cells
-    /// that were not divided for it, and the text form of the statistics says so if there are any.
+    /// A cell's share of the limit is divided between its children in proportion to their primitives, so that the tree does not
+    /// depend on the order of the build. [`TreeStats::limited_cells`](kd_core::TreeStats::limited_cells) counts the cells that
+    /// became leaves by it.
     #[must_use]
     pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
         self.max_refs = Some(max_refs);
         self
     }
 
-    /// A cell with at most this many primitives becomes a leaf at once (the slides' `K_MaxTriangles`).
+    /// Makes every cell with at most this many primitives a leaf (the slides' `K_MaxTriangles`). The default is 1.
     #[must_use]
     pub const fn with_small_leaf(mut self, primitives: u32) -> Self {
         self.small_leaf = primitives;
         self
     }
 
-    /// How many splits in a row from the root to a leaf may cost more than they save, in the hope that further ones
-    /// pay (Havran and Bittner 2002).
+    /// Sets how many splits in a row, on the path to a leaf, may cost more than they save (Havran and Bittner 2002). The default
+    /// is 0.
     #[must_use]
     pub const fn with_bad_refines(mut self, bad_refines: u32) -> Self {
         self.bad_refines = bad_refines;
         self
     }
 
-    /// Whether a finished subtree that costs no less than a leaf in its place is replaced by that leaf.
+    /// Sets whether a leaf replaces a finished subtree that costs no less. The default is `true`.
     #[must_use]
     pub const fn with_retraction(mut self, retraction: bool) -> Self {
         self.retraction = retraction;
         self
     }
 
-    /// How many threads build: 1 builds on the calling thread, 0 uses the thread pool in scope (by default as many
-    /// as there are cores). Without feature `parallel` it is always one. The tree does not depend on it.
+    /// Sets the number of threads: 1 builds on the calling thread, 0 in the thread pool in scope (by default one thread per core).
+    /// Without feature `parallel` it is always one. The tree does not depend on it.
     #[must_use]
     pub const fn with_threads(mut self, threads: usize) -> Self {
         self.threads = threads;
         self
     }
 
-    /// How the finished tree lies in memory to be traced. The tree does not depend on it.
+    /// Sets the layout that rays traverse. The tree does not depend on it; the functions of kd-sah ignore it.
     #[must_use]
     pub const fn with_layout(mut self, layout: Layout) -> Self {
         self.layout = layout;
         self
     }
 
-    /// How planes are chosen: see [`with_method`](Self::with_method).
+    /// See [`with_method`](Self::with_method).
     pub const fn method(&self) -> Method {
         self.method
     }
 
-    /// How many threads build: see [`with_threads`](Self::with_threads).
+    /// See [`with_threads`](Self::with_threads).
     pub const fn threads(&self) -> usize {
         self.threads
     }
 
-    /// How the finished tree lies in memory: see [`with_layout`](Self::with_layout).
+    /// See [`with_layout`](Self::with_layout).
     pub const fn layout(&self) -> Layout {
         self.layout
     }
 
-    /// Whether planes are looked for across the longest axis of each cell only, those that cut off empty space
-    /// excepted. Takes less time, for a tree that is a little worse.
+    /// See [`with_cost`](Self::with_cost).
+    pub const fn cost(&self) -> CostModel {
+        self.cost
+    }
+
+    /// See [`with_max_depth`](Self::with_max_depth); `None` for the default, which [`depth_limit`](Self::depth_limit) computes.
+    pub const fn max_depth(&self) -> Option<u32> {
+        self.max_depth
+    }
+
+    /// See [`with_max_refs`](Self::with_max_refs); `None` for the default.
+    pub const fn max_refs(&self) -> Option<u64> {
+        self.max_refs
+    }
+
+    /// See [`with_small_leaf`](Self::with_small_leaf).
+    pub const fn small_leaf(&self) -> u32 {
+        self.small_leaf
+    }
+
+    /// See [`with_bad_refines`](Self::with_bad_refines).
+    pub const fn bad_refines(&self) -> u32 {
+        self.bad_refines
+    }
+
+    /// See [`with_retraction`](Self::with_retraction).
+    pub const fn retraction(&self) -> bool {
+        self.retraction
+    }
+
+    /// See [`with_longest_axis`](Self::with_longest_axis).
+    pub const fn longest_axis(&self) -> bool {
+        self.longest_axis
+    }
+
+    /// See [`with_plane_adjustment`](Self::with_plane_adjustment).
+    pub const fn plane_adjustment(&self) -> f32 {
+        self.plane_adjustment
+    }
+
+    /// See [`with_median_levels`](Self::with_median_levels).
+    pub const fn median_levels(&self) -> u32 {
+        self.median_levels
+    }
+
+    /// Sets whether planes are searched across the longest axis of each cell only, except planes that cut off empty space. Builds
+    /// faster, for a tree of slightly higher cost. The default is `false`.
     #[must_use]
     pub const fn with_longest_axis(mut self, longest_axis: bool) -> Self {
         self.longest_axis = longest_axis;
         self
     }
 
-    /// When planes found by bins are adjusted: bins in which a plane may cost less than `factor` times what the best
-    /// boundary between bins costs are looked into, the most promising ones, and where primitives start and end there is
-    /// judged exactly. From 0, never, to 1, whenever it may help. Less of it takes less time; what it saves first is
-    /// what brings little. Methods without bins take no notice.
+    /// Sets which bins are searched for a better plane than the best boundary between bins: the most promising of those in which a
+    /// plane may cost less than `factor` times that boundary. The search is exact: it evaluates the bounds of the primitives in
+    /// the bin. 0 searches no bin, 1 every bin that may improve the plane; lower factors take less time and skip the smallest
+    /// gains first. The default is 1. Methods without bins ignore it.
     #[must_use]
     pub const fn with_plane_adjustment(mut self, factor: f32) -> Self {
         self.plane_adjustment = factor;
         self
     }
 
-    /// Divides the first `levels` levels at the middle of each cell, whatever that costs, and the rest by the method.
+    /// Divides the first `levels` levels at the middle of each cell, at any cost, and the rest by the method. The default is 0.
     ///
     /// This is the simple way to give each thread a subtree of its own (Shi 2011 §3.1.3): a top of medians with as many
-    /// cells as there are threads. It is here to compare with; the tree is worse, and depends on the levels.
+    /// cells as threads. It serves as a comparison; the tree has a higher cost, and depends on the number of levels.
     #[must_use]
     pub const fn with_median_levels(mut self, levels: u32) -> Self {
         self.median_levels = levels;
@@ -256,14 +306,14 @@ impl BuildOptions {
         Ok(())
     }
 
-    /// The depth limit for so many primitives: the one that was set, or 8 + 1.3 log₂ N and at most 48. In whole numbers, so
-    /// that every platform agrees.
+    /// The depth limit for N `primitives`: the one that was set, or 8 + 1.3 log₂ N, at most 48. Computed in integers, so that
+    /// every platform agrees.
     pub fn depth_limit(&self, primitives: usize) -> u32 {
         self.max_depth
             .unwrap_or_else(|| (8 + 13 * primitives.max(1).ilog2() / 10).min(DEPTH_CAP))
     }
 
-    /// The limit of references for so many primitives, never less than one each.
+    /// The limit on references for `primitives`, at least one each.
     pub(crate) fn refs_limit(&self, primitives: usize) -> u64 {
         let primitives = primitives as u64;
         self.max_refs.unwrap_or(64 * primitives).max(primitives)
@@ -277,16 +327,16 @@ impl Default for BuildOptions {
     }
 }
 
-/// Why there is no tree.
+/// Why a build failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum BuildError {
-    /// An option has a value that makes no sense.
+    /// An option is out of range.
     #[error("option `{name}` must be {rule}")]
     InvalidOption {
         /// The option.
         name: &'static str,
-        /// What it must be.
+        /// Its range.
         rule: &'static str,
     },
     /// A primitive's box is not finite, or is empty. Never the case for a mesh.
@@ -296,15 +346,15 @@ pub enum BuildError {
         primitive: u32,
     },
     /// More primitives than [`MAX_TRIANGLES`](kd_core::MAX_TRIANGLES). Never the case for a mesh.
-    #[error("{primitives} primitives are too many")]
+    #[error("{primitives} primitives are too many, at most {MAX_TRIANGLES} fit")]
     TooManyPrimitives {
-        /// How many there are.
+        /// Their number.
         primitives: u32,
     },
-    /// The tree outgrew the 30 bits of a node index; ask for fewer references.
-    #[error("the tree is too large: {0}")]
+    /// The tree outgrew the 30 bits of a node index; [`BuildOptions::with_max_refs`] limits it.
+    #[error("the tree is too large: {0}; lower `max_refs`")]
     TooLarge(#[from] TreeError),
-    /// The build was watched, and the watch ended it.
+    /// The [`BuildProgress`](crate::BuildProgress) callback cancelled the build.
     #[error("the build was cancelled")]
     Cancelled,
     /// The threads asked for could not be started.
@@ -357,6 +407,41 @@ mod tests {
             let error = options.check().expect_err(message);
             assert_eq!(error.to_string(), message, "the message names the option");
         }
+    }
+
+    #[test]
+    fn getters_return_what_was_set() {
+        let cost = CostModel::CLASSIC;
+        let options = BuildOptions::fast()
+            .with_method(Method::Naive)
+            .with_cost(cost)
+            .with_max_depth(12)
+            .with_max_refs(34)
+            .with_small_leaf(5)
+            .with_bad_refines(6)
+            .with_retraction(false)
+            .with_threads(7)
+            .with_layout(Layout::Binary)
+            .with_longest_axis(true)
+            .with_plane_adjustment(0.25)
+            .with_median_levels(8);
+        assert_eq!(
+            (options.method(), options.cost(), options.layout()),
+            (Method::Naive, cost, Layout::Binary)
+        );
+        assert_eq!(
+            (options.max_depth(), options.max_refs()),
+            (Some(12), Some(34))
+        );
+        assert_eq!((options.small_leaf(), options.bad_refines()), (5, 6));
+        assert_eq!((options.threads(), options.median_levels()), (7, 8));
+        assert_eq!(
+            (options.retraction(), options.longest_axis()),
+            (false, true)
+        );
+        assert_eq!(options.plane_adjustment(), 0.25);
+        let defaults = BuildOptions::default();
+        assert_eq!((defaults.max_depth(), defaults.max_refs()), (None, None));
     }
 
     #[test]

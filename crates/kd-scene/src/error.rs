@@ -28,16 +28,16 @@ pub enum LoadError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// The file is a scene, which `load_scene` reads.
-    #[error("{file}: {format} files are scenes, not meshes")]
+    /// The format is read only with the feature `scenes`.
+    #[error("{file}: {format} files need the feature `scenes` of kd-scene")]
     UnsupportedFormat {
         /// Name of the file.
         file: String,
         /// Name of the format, for example `glTF`.
         format: &'static str,
     },
-    /// Neither the first bytes nor the extension identify the format.
-    #[error("{file}: unknown format, expected .obj or .ply")]
+    /// Neither the content nor the extension identifies the format.
+    #[error("{file}: unknown format, expected .obj, .ply, .gltf, .glb, .aff or .nff")]
     UnknownFormat {
         /// Name of the file.
         file: String,

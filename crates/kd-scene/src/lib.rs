@@ -1,13 +1,11 @@
 //! Scenes to build kd-trees for: mesh files, scenes that move, the eleven procedural scenes of the SPD, cameras.
 //!
-//! [`load_mesh`] reads OBJ and PLY files; what is wrong with a bad file is said with its line or
-//! element, never by a panic. [`Spd`] generates Eric Haines' Standard Procedural Databases, the
-//! scenes ray tracers have been compared on since 1987, the same bit for bit on every platform.
-//! [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays.
+//! [`load_mesh`] reads the triangles of a file; its errors name the line or element, and no content causes a panic. [`Spd`]
+//! generates Eric Haines' Standard Procedural Databases, the scenes that ray tracers have been compared on since 1987, the same
+//! bit for bit on every platform. [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays.
 //!
-//! With the feature `scenes`, on by default, `load_scene` reads AFF and NFF, glTF 2.0, and OBJ with its materials:
-//! a `SceneDescription` has parts with what they look like, lights, a camera, and how all of it moves. `toy_room` generates
-//! one.
+//! With the feature `scenes`, on by default, `load_mesh` also reads AFF, NFF and glTF 2.0, and `load_scene` reads all of a scene: a
+//! `SceneDescription` has parts with their materials, lights, a camera, and their motion. `toy_room` generates one.
 //!
 //! ```
 //! use kd_scene::{Camera, Spd, read_obj};
@@ -37,6 +35,7 @@ mod draft;
 mod error;
 #[cfg(feature = "scenes")]
 mod files;
+mod format;
 #[cfg(feature = "scenes")]
 mod gltf;
 #[cfg(feature = "scenes")]

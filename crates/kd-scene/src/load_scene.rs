@@ -1,33 +1,32 @@
-//! One call from a path to a scene.
+//! From the path of a file to a scene.
 
 use std::path::Path;
 
+use crate::files::files_with;
+use crate::format::Format;
+use crate::load::read;
 use crate::{
-    AffOptions, LoadError, SceneDescription, load_aff, load_mesh, read_gltf, read_obj_scene,
+    AffOptions, LoadError, SceneDescription, read_aff, read_gltf, read_obj_scene, read_ply,
 };
 
-/// Reads a file as a scene: `.aff` and `.nff` with [`load_aff`], `.gltf` and `.glb` with
-/// [`read_gltf`], `.obj` with its materials, anything else as a mesh with
-/// [`load_mesh`], in one light grey material.
+/// Reads a file as a scene, its format detected as by [`load_mesh`](crate::load_mesh): AFF and NFF with [`read_aff`], glTF with
+/// [`read_gltf`], OBJ with its materials by [`read_obj_scene`], PLY as a mesh in one light grey material.
 ///
 /// # Errors
 ///
-/// [`LoadError`], as those two.
+/// [`LoadError`], as from these readers.
 pub fn load_scene(
     path: impl AsRef<Path>,
     options: &AffOptions,
 ) -> Result<SceneDescription, LoadError> {
     let path = path.as_ref();
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    let extension = extension.unwrap_or_default().to_ascii_lowercase();
-    if extension == "aff" || extension == "nff" {
-        return load_aff(path, options);
+    let file = path.display().to_string();
+    let bytes = read(path, &file)?;
+    match Format::of(&bytes, path) {
+        Some(Format::Aff) => read_aff(path, &mut files_with(path, bytes), options),
+        Some(Format::Gltf | Format::Glb) => read_gltf(path, &mut files_with(path, bytes)),
+        Some(Format::Obj) => read_obj_scene(path, &mut files_with(path, bytes)),
+        Some(Format::Ply) => Ok(SceneDescription::of_mesh(read_ply(&bytes, &file)?)),
+        None => Err(LoadError::UnknownFormat { file }),
     }
-    if extension == "gltf" || extension == "glb" {
-        return read_gltf(path, &mut |path| std::fs::read(path));
-    }
-    if extension == "obj" {
-        return read_obj_scene(path, &mut |path| std::fs::read(path));
-    }
-    Ok(SceneDescription::of_mesh(load_mesh(path)?))
 }

@@ -14,8 +14,9 @@ const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 struct Folder(PathBuf);
 
 impl Folder {
-    fn new() -> Self {
-        let folder = std::env::temp_dir().join(format!("kd-scene-load-{}", std::process::id()));
+    fn new(test: &str) -> Self {
+        let name = format!("kd-scene-load-{test}-{}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
         fs::create_dir_all(&folder).expect("a temporary folder");
         Self(folder)
     }
@@ -35,37 +36,26 @@ impl Drop for Folder {
 }
 
 #[test]
-fn content_comes_before_extension() {
-    let folder = Folder::new();
+fn content_decides_then_the_extension() {
+    let folder = Folder::new("formats");
     for (name, content) in [
         ("a.ply", PLY),
         ("a.PLY", PLY),
         ("a.obj", OBJ),
         ("a.Obj", OBJ),
         ("really-ply.obj", PLY),
-        ("none", PLY),
+        ("really-obj.ply", OBJ),
+        ("ply", PLY),
+        ("obj", OBJ),
     ] {
         let mesh = load_mesh(folder.file(name, content));
         let mesh = mesh.unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(mesh.triangles(), [[0, 1, 2]], "{name}");
     }
-    let rows = [
-        ("a.gltf", "{}", "glTF files are scenes, not meshes"),
-        ("a.glb", "", "binary glTF files are scenes, not meshes"),
-        (
-            "b.bin",
-            "glTF\u{2}",
-            "binary glTF files are scenes, not meshes",
-        ),
-        ("a.aff", "", "AFF files are scenes, not meshes"),
-        ("a.nff", "", "NFF files are scenes, not meshes"),
-        ("a.stl", "solid", "unknown format, expected .obj or .ply"),
-        ("none", OBJ, "unknown format, expected .obj or .ply"),
-        ("b.ply", OBJ, "line 1: bad header line: `v 0 0 0`"),
-    ];
-    for (name, content, expected) in rows {
-        let path = folder.file(name, content);
+    for name in ["a.stl", "none"] {
+        let path = folder.file(name, "solid");
         let error = load_mesh(&path).expect_err(name).to_string();
+        let expected = "unknown format, expected .obj, .ply, .gltf, .glb, .aff or .nff";
         assert_eq!(error, format!("{}: {expected}", path.display()), "{name}");
     }
     let missing = folder.0.join("missing.obj");
@@ -84,4 +74,130 @@ fn content_comes_before_extension() {
         error.starts_with(&folder.0.display().to_string()),
         "{error}"
     );
+}
+
+#[cfg(feature = "scenes")]
+mod scenes {
+    use glam::Vec3;
+    use kd_scene::{AffOptions, load_scene, toy_room_aff};
+
+    use super::*;
+
+    /// The triangle (0, 0, 0), (1, 0, 0), (0, 1, 0), moved by (0, 0, 2).
+    const AFF: &str = "v\nfrom 0 0 9\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 8 8\n\
+        f 1 1 1 1 0 0 0 1\np 3\n0 0 2\n1 0 2\n0 1 2\n";
+    /// Its positions are the three corners; the node moves them.
+    const GLTF: &str = r#"{
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "translation": [0, 0, 2] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [{
+            "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3,
+            "min": [0, 0, 0], "max": [1, 1, 0]
+        }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "buffers": [{ "byteLength": 36URI }]
+    }"#;
+
+    fn corners() -> Vec<u8> {
+        let corners = [[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        corners
+            .into_iter()
+            .flatten()
+            .flat_map(f32::to_le_bytes)
+            .collect()
+    }
+
+    fn gltf() -> String {
+        GLTF.replace("URI", r#", "uri": "corners.bin""#)
+    }
+
+    fn glb() -> Vec<u8> {
+        let mut json = GLTF.replace("URI", "").into_bytes();
+        json.resize(json.len().next_multiple_of(4), b' ');
+        let chunk = |kind: &[u8; 4], bytes: &[u8]| {
+            let length = u32::try_from(bytes.len()).expect("small");
+            [&length.to_le_bytes()[..], kind, bytes].concat()
+        };
+        let chunks = [chunk(b"JSON", &json), chunk(b"BIN\0", &corners())].concat();
+        let length = u32::try_from(12 + chunks.len()).expect("small");
+        [
+            &b"glTF"[..],
+            &2_u32.to_le_bytes(),
+            &length.to_le_bytes(),
+            &chunks,
+        ]
+        .concat()
+    }
+
+    #[test]
+    fn files_of_scenes_are_meshes_too() {
+        let folder = Folder::new("scenes");
+        fs::write(folder.0.join("corners.bin"), corners()).expect("a temporary file");
+        let (gltf, glb) = (gltf(), glb());
+        for (name, content) in [
+            ("a.aff", AFF.as_bytes()),
+            ("a.NFF", AFF.as_bytes()),
+            ("really-aff.obj", AFF.as_bytes()),
+            ("a.gltf", gltf.as_bytes()),
+            ("really-gltf.ply", gltf.as_bytes()),
+            ("a.glb", &glb),
+            ("really-glb.gltf", &glb),
+            ("glb", &glb),
+        ] {
+            let path = folder.0.join(name);
+            fs::write(&path, content).expect("a temporary file");
+            let mesh = load_mesh(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(mesh.len(), 1, "{name}");
+            let expected = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]].map(Vec3::from);
+            assert_eq!(mesh.corners(0), expected, "{name}");
+            let scene = load_scene(&path, &AffOptions::default()).expect(name);
+            assert_eq!(scene.mesh_at(0.0).expect(name), mesh, "{name}, as a scene");
+        }
+    }
+
+    /// What is wrong in a file of a scene is reported as by its own reader.
+    #[test]
+    fn broken_files_of_scenes_are_refused() {
+        let folder = Folder::new("broken");
+        for (name, content, expected) in [
+            ("a.gltf", "{}", "header: "),
+            ("a.glb", "", "header: "),
+            (
+                "b.bin",
+                "glTF\u{2}",
+                "header: a binary file that ends in its header",
+            ),
+            ("a.aff", "nonsense", "line 1: "),
+            ("a.nff", "v\nfrom 0 0\n", "line "),
+        ] {
+            let path = folder.file(name, content);
+            let error = load_mesh(&path).expect_err(name).to_string();
+            let expected = format!("{}: {expected}", path.display());
+            assert!(error.starts_with(&expected), "{name}: {error}");
+        }
+        let path = folder.file("c.gltf", &gltf());
+        let error = load_mesh(&path).expect_err("no buffer").to_string();
+        assert!(
+            error.contains("corners.bin"),
+            "the file that is missing: {error}"
+        );
+    }
+
+    /// The first frame is where the animation begins, wherever the part rests.
+    #[test]
+    fn a_scene_that_moves_is_read_in_its_first_frame() {
+        let folder = Folder::new("frames");
+        let text = toy_room_aff().replacen("a 0 ", "a 1 ", 1);
+        let path = folder.file("moving.aff", &text);
+        let scene = load_scene(&path, &AffOptions::default()).expect("our own");
+        let span = scene.span.expect("it moves");
+        assert_eq!(span.start, 1.0, "as the file says");
+        let mesh = load_mesh(&path).expect("our own");
+        let at = |time| scene.mesh_at(time).expect("finite");
+        assert!(mesh == at(span.start), "the first frame");
+        assert!(mesh != at(0.0), "not the time 0");
+    }
 }

@@ -14,7 +14,7 @@ mod arena;
 use std::ops::ControlFlow;
 
 use bytemuck::{cast_slice, cast_slice_mut};
-use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, TracedBytes, Tree};
+use kd_core::{Aabb, Hit, LayoutBytes, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, Tree};
 
 use crate::Level;
 use crate::block::Block;
@@ -118,8 +118,8 @@ impl PackedTree {
     }
 
     /// Bytes of nodes and of blocks.
-    pub fn bytes(&self) -> TracedBytes {
-        TracedBytes {
+    pub fn bytes(&self) -> LayoutBytes {
+        LayoutBytes {
             nodes: size_of_val(self.pairs.as_slice()),
             blocks: size_of_val(self.blocks.as_slice()),
         }

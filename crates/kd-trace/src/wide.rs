@@ -29,7 +29,7 @@ pub(crate) mod tile;
 mod usual;
 pub(crate) mod walk;
 
-use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes, Tree};
+use kd_core::{Aabb, Hit, LayoutBytes, Mesh, Ray, RayPacket8, Tree};
 
 use crate::Level;
 use crate::collect::{Any, Closest, Ordered};
@@ -193,8 +193,8 @@ impl WideTree {
     }
 
     /// Bytes of nodes and of blocks.
-    pub fn bytes(&self) -> TracedBytes {
-        TracedBytes {
+    pub fn bytes(&self) -> LayoutBytes {
+        LayoutBytes {
             nodes: size_of_val(self.arrays.nodes()),
             blocks: size_of_val(self.arrays.blocks()),
         }

@@ -15,7 +15,7 @@ use kd_scene::Spd;
 fn main() -> Result<(), Box<dyn Error>> {
     let tree = KdTree::build(Spd::Mount.generate(6)?.mesh, &BuildOptions::balanced())?;
 
-    // Masts at the corners and in the middle, standing a little above the ground that a ray from above finds.
+    // Masts at the corners and in the middle, a little above the ground that a ray from above hits.
     let places = [
         [-0.9, -0.9],
         [0.9, -0.9],

@@ -1,25 +1,25 @@
-//! What rays cost, counted: feature `counters`.
+//! Queries that count what a ray visits: feature `counters`.
 
 use kd_core::{Hit, Ray};
-use kd_trace::TraversalCounts;
 
 use crate::KdTree;
-use crate::traced::Traced;
+use crate::layout::{TraversalCounts, TreeLayout};
 
 impl KdTree {
-    /// [`intersect`](Self::intersect), and what it took: for heat maps and for finding what limits speed.
+    /// [`intersect`](Self::intersect) with the nodes, blocks and triangles that the ray visits: for heat maps, and to find what
+    /// limits speed.
     pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        match &self.traced {
-            Traced::Binary(tree) => tree.intersect_counted(ray),
-            Traced::Wide(tree) => tree.intersect_counted(ray),
+        match &self.layout {
+            TreeLayout::Binary(tree) => tree.intersect_counted(ray),
+            TreeLayout::Wide(tree) => tree.intersect_counted(ray),
         }
     }
 
-    /// [`occluded`](Self::occluded), and what it took.
+    /// [`occluded`](Self::occluded) with what the ray visits.
     pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
-        match &self.traced {
-            Traced::Binary(tree) => tree.occluded_counted(ray),
-            Traced::Wide(tree) => tree.occluded_counted(ray),
+        match &self.layout {
+            TreeLayout::Binary(tree) => tree.occluded_counted(ray),
+            TreeLayout::Wide(tree) => tree.occluded_counted(ray),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! kd-trees for ray tracing: build one over a triangle mesh, then ask what rays hit.
+//! kd-trees for ray tracing: builds one over a triangle mesh, and finds what rays hit.
 //!
 //! ```
 //! use kd::{BuildOptions, KdTree, Mesh, Ray};
@@ -9,7 +9,7 @@
 //! let tree = KdTree::build(mesh, &BuildOptions::balanced())?;
 //!
 //! let ray = Ray::new([0.75, 0.25, 5.0], [0.0, 0.0, -1.0]);
-//! let hit = tree.intersect(&ray).expect("the square is in the way");
+//! let hit = tree.intersect(&ray).expect("the ray meets the square");
 //! assert_eq!((hit.triangle, hit.t), (0, 5.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -17,18 +17,18 @@
 //! # Meshes
 //!
 //! [`Mesh::new`] takes vertices and three indices per triangle, and checks them once: coordinates are finite, indices
-//! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are fine.
+//! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are valid.
 #![cfg_attr(
     feature = "io",
-    doc = "[`load_mesh`] reads OBJ and PLY files, and names the file and the line or element when something is wrong."
+    doc = "[`load_mesh`] reads OBJ, PLY, glTF, AFF and NFF files; its errors name the file and the line or element."
 )]
 //!
 //! # Building
 //!
 //! [`KdTree::build`] takes the mesh (or an `Arc` of it, to share it) and [`BuildOptions`]: one of the presets
 //! [`fast`](BuildOptions::fast), [`balanced`](BuildOptions::balanced) and [`best`](BuildOptions::best), changed by
-//! `with_…` methods where you know better. All builders clip triangles to the cells they lie in, put triangles that
-//! lie in a plane on one side, and lose nothing. The number of threads never shows in the result.
+//! `with_…` methods where needed. All builders clip triangles to the cells that they overlap, and put triangles that are in a
+//! plane on one side of it. The result does not depend on the number of threads.
 //!
 //! ```
 //! use kd::{BuildOptions, CostModel, Method};
@@ -38,24 +38,32 @@
 //! # let _ = on_one_thread;
 //! ```
 //!
-//! Where few rays will see little of a large mesh, [`LazyTree`] spares what they do not see: it is built where rays go,
-//! and answers the same queries. [`LazyTree::finish`] builds the whole after all.
+//! Where few rays see little of a large mesh, a [`LazyTree`] builds only the cells that rays enter, and answers the same
+//! queries. [`LazyTree::finish`] builds the whole tree.
+//!
+//! # What rays traverse
+//!
+//! Rays traverse a *layout* of the tree, not its nodes. By default that is [`Layout::Wide`]: nodes of eight children with boxes,
+//! made from the planes of the kd-tree in cells of more than 1024 triangles, and by dividing triangles as objects below. Planes
+//! gain most in rooms, objects in small and dense parts. [`Layout::Binary`] holds exactly the nodes of the kd-tree. [`layout`]
+//! states which layout each preset, method and strategy makes, and why.
 //!
 //! # Rays
 //!
-//! A [`Ray`] has an origin, a direction of any length, and a closed range of `t`, which counts in multiples of the
-//! direction. [`Ray::between`] is the open segment that shadow rays want, and [`offset_origin`] moves its start off
+//! A [`Ray`] has an origin, a direction of any length, and a closed range of `t`, in multiples of the
+//! direction. [`Ray::between`] is the open segment between two points, for shadow rays, and [`offset_origin`] moves its start off
 //! the surface.
 //!
-//! | query | answers |
+//! | query | returns |
 //! |---|---|
 //! | [`KdTree::intersect`] | the closest [`Hit`] |
 //! | [`KdTree::occluded`] | whether there is any hit |
-//! | [`KdTree::hits`] | the first few hits, in order |
-//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbours go the same way |
-//! | [`KdTree::intersect8`], [`KdTree::occluded8`] | the same for a [`RayPacket8`], whose rays lie side by side |
+//! | [`KdTree::hits`] | the first `max` hits, in order |
+//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbours are coherent |
+//! | [`KdTree::intersect8`], [`KdTree::occluded8`] | the same for a [`RayPacket8`], eight rays in lanes |
 //!
-//! Nothing a ray can hold makes a query panic: NaN, infinities, a zero direction and an inverted range are misses.
+//! The trait [`RayQuery`] has the same queries for every structure here. No ray value causes a panic: NaN, infinities, a zero
+//! direction and an inverted range are misses.
 //!
 //! ```
 //! # use kd::{BuildOptions, KdTree, Mesh, Ray};
@@ -72,87 +80,171 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Things that move
+//! # Moving parts
 //!
-//! A [`Scene`] has parts that stand still and parts that move. A [`commit`](Scene::commit) makes a [`Frame`] of them, which
-//! has the same queries and tells the part with each hit. What stands still is laid out once and shared by all frames; how
-//! what moves follows is the [`Strategy`]'s choice, and [`CommitReport`] tells what was done. A
+//! A [`Scene`] has static and moving parts. A [`commit`](Scene::commit) makes a [`Frame`] of them, which has the same queries and
+//! returns the part with each hit. Static parts are laid out once and shared by all frames; the [`Strategy`] determines how the
+//! others are updated, and the [`CommitReport`](scene::CommitReport) lists what was done. A
 //! [`snapshot`](Scene::snapshot) can be traced while the next frame is made.
 //!
-//! # Looking inside
+//! # Inspecting a tree
 //!
-//! Rays are traced through nodes of eight children that are made from the tree ([`WideTree`]), by AVX2 instructions where
-//! the processor has them; [`BuildOptions::with_layout`] chooses the tree's own nodes instead, with the triangles of its
-//! leaves packed ([`PackedTree`]). [`KdTree::with_level`] traces without AVX2, to compare.
+//! [`KdTree::stats`] counts nodes, leaves and references; its text form is what benchmarks and snapshots print. The
+//! [`nodes`](KdTree::nodes) are plain 8-byte values ([`tree::Node`]), ready to be copied elsewhere.
+#![cfg_attr(
+    feature = "counters",
+    doc = "[`KdTree::intersect_counted`] counts the nodes and triangles that a ray visits."
+)]
+//! [`KdTree::with_level`] traces without AVX2, to compare.
 //!
-//! [`KdTree::stats`] counts what there is; its text form is what the benchmarks and snapshots show. The
-//! [`nodes`](KdTree::nodes) are plain 8-byte values ([`Node`]), ready to be sent elsewhere, and
-//! [`KdTree::intersect_counted`] tells what a ray had to do.
+//! # Choosing by the number of rays
 //!
-//! # How many rays?
+//! A kd-tree pays off over many rays. [`Accel::auto`] takes the expected number of rays and chooses among a uniform grid, wide
+//! nodes of objects, and kd-trees of each preset. It has the same queries and the same answers, and [`Accel::decision`] gives
+//! the reason. [`select`] has the estimates behind the choice.
 //!
-//! A kd-tree pays where rays are many. Where they may be few, [`Accel::auto`] chooses, given how many there will be: a uniform
-//! grid, wide nodes of objects, or a kd-tree built with more or less care. It has the same queries and the same answers, and
-//! [`Accel::decision`] returns the reason. Grids are in [`grid`], and the basis of the choice in [`select`].
+//! # Files of trees
 //!
-//! # Keeping trees
-//!
-//! [`KdTree::save`] writes mesh and tree to a file and [`KdTree::load`] reads it back, verified, without building.
+//! [`KdTree::save`] writes mesh and tree to a file. [`KdTree::load`] reads and verifies it, without a build.
 //!
 //! # Features
 //!
-//! Both are on by default, and neither changes an answer. `parallel` builds and packs on several threads (rayon); `io`
-//! adds `load_mesh`.
+//! | feature | default | effect |
+//! |---|---|---|
+//! | `parallel` | on | builds, layouts and commits use several threads (rayon) |
+//! | `io` | on | `load_mesh`, and calibrations as JSON |
+//! | `counters` | on | queries that end in `_counted` |
+//! | `serde` | off | `Serialize` and `Deserialize` for public data: meshes, rays, hits, options, statistics, reports |
+//!
+//! None changes an answer.
 #![forbid(unsafe_code)]
 
 mod accel;
 #[cfg(feature = "counters")]
 mod counters;
-mod lazy;
-mod scene;
-mod traced;
-mod tree;
+mod kd_tree;
+pub mod layout;
+mod lazy_tree;
+mod query;
+pub mod scene;
 
-pub use accel::{Accel, AccelError, Decision, DecisionReason, RayBudget};
+pub use accel::{Accel, RayBudget};
 pub use glam;
 pub use kd_core::{
-    Aabb, Axis, CostModel, FileError, Hit, Layout, MAX_DEPTH, MAX_TRIANGLES, Mesh, MeshError, Node,
-    NodeIndex, NodeView, Ray, RayPacket8, TracedBytes, Tree, TreeError, TreeStats, offset_origin,
+    Aabb, CostModel, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats, offset_origin,
 };
-pub use kd_sah::{BuildError, BuildOptions, Method, ThreadsError, Watch};
+pub use kd_sah::{BuildError, BuildOptions, Method};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
-#[cfg(feature = "counters")]
-pub use kd_trace::TraversalCounts;
-pub use kd_trace::{Level, PackedTree, WideTree};
-pub use lazy::LazyTree;
-pub use scene::{
-    Action, CommitError, CommitReport, Frame, FrameData, MergeMethod, PartChange, PartId, Reason,
-    Scene, SceneError, Strategy,
-};
-pub use tree::KdTree;
+pub use kd_trace::RayQuery;
+pub use kd_tree::KdTree;
+pub use lazy_tree::LazyTree;
+#[doc(inline)]
+pub use scene::{Frame, FrameData, MergeMethod, PartId, Scene, Strategy};
 
-/// Uniform grids: quick to build, slow for rays where triangles are distributed unevenly.
+/// Builds: progress and threads.
+pub mod build {
+    pub use kd_sah::{BuildProgress, ThreadsError};
+}
+
+/// The kd-tree and its file: nodes, references, limits.
+pub mod tree {
+    pub use kd_core::{
+        Axis, FileError, MAX_DEPTH, MAX_TRIANGLES, Node, NodeIndex, NodeView, Slot, Tree, TreeError,
+    };
+}
+
+/// Uniform grids: the fastest to build, slow for each ray where triangles are spread unevenly.
 pub mod grid {
     pub use kd_grid::{GridError, GridOptions, GridStats, Overlap, UniformGrid};
 }
 
-/// The basis of choices between structures: calibrations and estimates.
+/// The choice of a structure by the number of rays: decisions, calibrations and estimates.
 pub mod select {
     pub use kd_select::{
         Calibration, CalibrationError, Choice, Estimator, Features, Machine, MeasuredScene,
         Opening, RayScheme, Structure, Times, break_even, paper,
     };
+
+    pub use crate::accel::{AccelError, Decision, DecisionReason};
 }
 
-/// For trees over other things than triangles: implement [`PrimSource`](custom::PrimSource), and
-/// [`build`](custom::build) gives a [`Tree`] to walk.
+/// kd-trees over primitives other than triangles.
+///
+/// Implement [`PrimSource`](custom::PrimSource), and [`build`](custom::build) returns a [`Tree`](tree::Tree): nodes, and the
+/// numbers of the primitives in each leaf. Rays and other queries over it are the caller's: kd itself traces triangles only. A
+/// query descends from [`Tree::root`](tree::Tree::root) through [`Tree::nodes`](tree::Tree::nodes), whose
+/// [`view`](tree::Node::view) is a plane with two children or a leaf, and tests the primitives of
+/// [`Tree::leaf_refs`](tree::Tree::leaf_refs):
+///
+/// ```
+/// use kd::custom::{PrimSource, build};
+/// use kd::glam::Vec3;
+/// use kd::tree::{NodeView, Tree};
+/// use kd::{Aabb, BuildOptions};
+///
+/// /// Spheres, each a center and a radius.
+/// struct Spheres(Vec<(Vec3, f32)>);
+///
+/// impl PrimSource for Spheres {
+///     type Shape = Aabb;
+///
+///     fn count(&self) -> u32 {
+///         u32::try_from(self.0.len()).expect("few")
+///     }
+///
+///     fn bounds(&self, primitive: u32) -> Aabb {
+///         let (center, radius) = self.0[primitive as usize];
+///         Aabb { min: center - radius, max: center + radius }
+///     }
+///
+///     fn shape(&self, primitive: u32) -> Aabb {
+///         self.bounds(primitive)
+///     }
+///
+///     fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
+///         let clipped = shape.intersection(cell);
+///         (!clipped.is_empty()).then_some(clipped)
+///     }
+/// }
+///
+/// /// The spheres that contain a point, which is inside the tree's bounds.
+/// fn containing(spheres: &Spheres, tree: &Tree, point: Vec3) -> Vec<u32> {
+///     let mut at = tree.root();
+///     loop {
+///         let node = tree.nodes()[at.index()];
+///         match node.view() {
+///             NodeView::Interior { axis, split, first } => {
+///                 let is_upper = point[axis.index()] > split;
+///                 at = if is_upper { first.sibling() } else { first };
+///             }
+///             NodeView::Leaf { .. } => {
+///                 let numbers = tree.leaf_refs(node).iter().map(|slot| slot.0);
+///                 return numbers
+///                     .filter(|&number| {
+///                         let (center, radius) = spheres.0[number as usize];
+///                         center.distance(point) <= radius
+///                     })
+///                     .collect();
+///             }
+///         }
+///     }
+/// }
+///
+/// let row = (0..100_u8).map(|i| (Vec3::new(f32::from(i), 0.0, 0.0), 0.75));
+/// let spheres = Spheres(row.collect());
+/// let tree = build(&spheres, &BuildOptions::balanced())?;
+/// let mut found = containing(&spheres, &tree, Vec3::new(41.5, 0.1, 0.0));
+/// found.sort_unstable();
+/// assert_eq!(found, [41, 42]);
+/// # Ok::<(), kd::BuildError>(())
+/// ```
 pub mod custom {
-    pub use kd_core::{PrimSource, Slot};
+    pub use kd_core::PrimSource;
     pub use kd_sah::build;
 }
 
-/// The examples of the project's front page, compiled and run.
+/// The examples of the README, compiled and run.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct Readme;

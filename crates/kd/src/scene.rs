@@ -1,12 +1,12 @@
-//! Parts that stand still and parts that move, traced together.
+//! Static and moving parts, traced together: [`Scene`](crate::Scene), its strategies, reports and errors.
 
 mod apply;
 mod error;
 mod frame;
-mod grove;
 mod merged;
 mod moving;
 mod part;
+mod part_group;
 mod plan;
 mod report;
 mod strategy;
@@ -20,17 +20,17 @@ use kd_sah::BuildOptions;
 pub use error::{CommitError, SceneError};
 pub use frame::{Frame, FrameData};
 pub use part::PartId;
-pub use report::{Action, CommitReport, PartChange, Reason};
+pub use report::{CommitAction, CommitReason, CommitReport, PartChange};
 pub use strategy::{MergeMethod, Strategy};
 
 use moving::MovingTree;
-use part::{Part, Role};
+use part::{Part, Role, SceneNumber};
 
-/// Meshes that stand still and meshes that move, of which a [`commit`](Self::commit) makes a [`Frame`] to trace.
+/// Static and moving meshes, the *parts* of the scene. A [`commit`](Self::commit) makes a [`Frame`] of them, to trace.
 ///
-/// What stands still is laid out once, by the builder of the scene's [`BuildOptions`], and is not touched, copied or looked at
-/// again by frames to come: a commit costs what has changed since the last one. How what moves follows is the
-/// [`Strategy`]'s choice; all of them give the same hits.
+/// Static parts are built and laid out once, with the scene's [`BuildOptions`]. Later frames do not visit or copy them: a commit
+/// costs in proportion to what has changed since the last one. The [`Strategy`] determines how moving parts are updated; all
+/// strategies give the same hits.
 ///
 /// ```
 /// use kd::glam::{Affine3A, Vec3};
@@ -59,7 +59,7 @@ use part::{Part, Role};
 ///
 /// # Frames
 ///
-/// A [`Frame`] borrows the scene, so that it cannot be changed under a frame that is being traced:
+/// A [`Frame`] borrows the scene, so that nothing changes the scene while its frame is traced:
 ///
 /// ```compile_fail
 /// # use kd::{BuildOptions, Mesh, Ray, Scene};
@@ -70,8 +70,8 @@ use part::{Part, Role};
 /// frame.occluded(&Ray::new([0.0; 3], [0.0, 0.0, 1.0]));
 /// ```
 ///
-/// A [`snapshot`](Self::snapshot) is owned: it can be traced, on other threads too, while the next frame is made. The scene
-/// then keeps the memory of two frames, of which the one that nobody traces becomes the next.
+/// A [`snapshot`](Self::snapshot) is owned: it can be traced, also on other threads, while the next frame is made. The scene
+/// then keeps the memory of two frames, and reuses that of a frame without snapshots for the next one.
 #[derive(Debug)]
 pub struct Scene {
     options: BuildOptions,
@@ -80,24 +80,26 @@ pub struct Scene {
     /// In the order of their ids.
     parts: Vec<Part>,
     next_id: u32,
-    /// The number of the first triangle of the next part.
+    /// Distinguishes its ids from those of other scenes.
+    number: SceneNumber,
+    /// The first slot of the next part.
     next_slot: u32,
-    /// Counts commits: what is built or moved by one is known by its number.
+    /// Number of commits: identifies what each of them built or moved.
     commits: u64,
     front: Arc<FrameData>,
-    /// A frame before that, which may still be traced.
+    /// The frame before, which may still be traced.
     back: Option<Arc<FrameData>>,
-    /// The kd-trees of parts that move, in the order of their ids, where frames are made by merging kd-trees.
+    /// The kd-trees of parts that are not static, in the order of their ids, for strategies that merge kd-trees.
     moving_trees: Vec<MovingTree>,
 }
 
 impl Scene {
-    /// Rays of a frame that [`Strategy::Auto`] reckons with, unless it is told: those of a picture of 800 by 600, with two
-    /// more from each point that it shows.
+    /// The expected number of rays of a frame, unless [`set_ray_budget`](Self::set_ray_budget) changes it: those of a picture of
+    /// 800 by 600 pixels, with two more from each visible point.
     pub const DEFAULT_RAY_BUDGET: u64 = 1_440_000;
 
-    /// A scene without parts. `options` are for what stands still, for [`Strategy::Auto`], and its
-    /// [`threads`](BuildOptions::threads) for everything.
+    /// A scene without parts. Static parts are built with `options`; their [layout](crate::layout) applies to
+    /// [`Strategy::Auto`], and the number of [threads](BuildOptions::threads) to every commit.
     pub fn new(options: BuildOptions) -> Self {
         Self {
             options,
@@ -105,6 +107,7 @@ impl Scene {
             ray_budget: Self::DEFAULT_RAY_BUDGET,
             parts: Vec::new(),
             next_id: 0,
+            number: SceneNumber::next(),
             next_slot: 0,
             commits: 0,
             front: Arc::default(),
@@ -113,23 +116,23 @@ impl Scene {
         }
     }
 
-    /// Whether frames are made on several threads.
+    /// Whether commits use several threads.
     fn is_parallel(&self) -> bool {
         self.options.threads() != 1
     }
 
-    /// Adds a mesh that stands still, from the next commit on. It may be changed and moved too, and is then built anew with
-    /// the options of the scene.
+    /// Adds a static mesh, from the next commit on. It may be changed and moved too, and is then rebuilt with the options of the
+    /// scene.
     ///
     /// # Errors
     ///
-    /// [`SceneError::TooManyTriangles`] where all parts together have more than [`MAX_TRIANGLES`];
-    /// [`SceneError::TooManyParts`] after 2³² of them.
+    /// [`SceneError::TooManyTriangles`] if all parts together have more than [`MAX_TRIANGLES`];
+    /// [`SceneError::TooManyParts`] after 2³² calls.
     pub fn add_static(&mut self, mesh: impl Into<Arc<Mesh>>) -> Result<PartId, SceneError> {
         self.add(Role::Static, mesh.into(), Affine3A::IDENTITY)
     }
 
-    /// Adds a mesh that will change or move, from the next commit on.
+    /// Adds a mesh that changes or moves, from the next commit on.
     ///
     /// # Errors
     ///
@@ -138,11 +141,10 @@ impl Scene {
         self.add(Role::Dynamic, mesh.into(), Affine3A::IDENTITY)
     }
 
-    /// Adds the mesh of a part once more, in another place. It is a part of its own, may move, and has whatever
-    /// [`set_positions`](Self::set_positions) gives the part that it was made from; that one may be removed.
+    /// Adds the mesh of a part again, with a transform. The instance is a part of its own, and may move. It follows
+    /// [`set_positions`](Self::set_positions) of the part that it was made from, which may be removed.
     ///
-    /// Its triangles are laid out in the place where they are, so an instance takes the memory of any part, except for its
-    /// mesh.
+    /// Frames hold the transformed triangles, so an instance takes the memory of any part, except for its mesh.
     ///
     /// # Errors
     ///
@@ -169,12 +171,12 @@ impl Scene {
         Ok(instance)
     }
 
-    /// Gives a part other positions, one for each vertex of its mesh and before its transform, from the next commit on; its
-    /// instances too. On an error, it keeps those it has.
+    /// Replaces the positions of a part and of its instances, one for each vertex of its mesh and before its transform, from the
+    /// next commit on. On an error, the part keeps its positions.
     ///
     /// # Errors
     ///
-    /// [`SceneError::NoSuchPart`]; [`SceneError::Mesh`] for another number of vertices or one that is not finite.
+    /// [`SceneError::NoSuchPart`]; [`SceneError::Mesh`] for another number of vertices or a position that is not finite.
     pub fn set_positions(
         &mut self,
         part: PartId,
@@ -194,8 +196,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Puts a part in another place, from the next commit on: `transform` goes from its mesh to the scene, and may be any,
-    /// mirroring and flattening too.
+    /// Replaces the transform of a part, from the next commit on: `transform` maps the coordinates of its mesh to those of the
+    /// scene. It may be any finite transform, also one that mirrors or flattens.
     ///
     /// # Errors
     ///
@@ -215,7 +217,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Takes a part out, from the next commit on. Its id is not given to another.
+    /// Removes a part, from the next commit on. Its id is not given to another part.
     ///
     /// # Errors
     ///
@@ -226,13 +228,12 @@ impl Scene {
         Ok(())
     }
 
-    /// How the next commits make frames of parts. Answers do not depend on it.
+    /// Sets how the next commits make frames. Answers do not depend on it.
     pub fn set_strategy(&mut self, strategy: Strategy) {
         self.strategy = strategy;
     }
 
-    /// How many rays a frame is traced with, about: [`Strategy::Auto`] spends more time on a frame that more rays will gain
-    /// from.
+    /// Sets the expected number of rays per frame: [`Strategy::Auto`] rebuilds more where more rays gain from it.
     pub fn set_ray_budget(&mut self, rays: u64) {
         self.ray_budget = rays;
     }
@@ -242,25 +243,25 @@ impl Scene {
         self.parts.iter().map(|part| part.id)
     }
 
-    /// Makes a frame of the parts as they are now.
+    /// Makes a frame of the current parts.
     ///
-    /// The same parts and the same changes give the same frame on any number of threads.
+    /// The same parts and the same changes give the same frame at any number of threads.
     ///
     /// # Errors
     ///
-    /// [`CommitError`] names the part; the frame before stays as it is, and so do the parts: what is wrong can be mended, or
-    /// removed, before the next commit.
+    /// [`CommitError`] names the part. The frame before and the parts remain unchanged: correct or remove the part, and commit
+    /// again.
     pub fn commit(&mut self) -> Result<CommitReport, CommitError> {
         let plan = self.plan()?;
         Ok(self.apply(plan))
     }
 
-    /// What the last commit that succeeded has made; nothing before the first.
+    /// The frame of the last successful commit; a frame without parts before the first.
     pub fn frame(&self) -> Frame<'_> {
         Frame::new(&self.front)
     }
 
-    /// The same as [`frame`](Self::frame), to keep while the scene goes on.
+    /// The same as [`frame`](Self::frame), owned: to keep while the scene changes.
     pub fn snapshot(&self) -> Arc<FrameData> {
         Arc::clone(&self.front)
     }
@@ -275,19 +276,22 @@ impl Scene {
         if triangles > MAX_TRIANGLES {
             return Err(SceneError::TooManyTriangles { triangles });
         }
-        let id = PartId(self.next_id);
-        self.next_id = id.0.checked_add(1).ok_or(SceneError::TooManyParts)?;
+        let id = PartId::new(self.next_id, self.number);
+        self.next_id = self
+            .next_id
+            .checked_add(1)
+            .ok_or(SceneError::TooManyParts)?;
         let first_slot = self.take_slots(mesh.len());
         self.parts
             .push(Part::new(id, role, mesh, transform, first_slot));
         Ok(id)
     }
 
-    /// Numbers for the triangles of a part. Those of parts that were removed are given again only when there are no others.
+    /// Slots for the triangles of a part. Slots of removed parts are reused only once the others run out.
     fn take_slots(&mut self, triangles: usize) -> u32 {
         let count = |mesh: &Mesh| u32::try_from(mesh.len()).expect("30 bits count triangles");
         let triangles = u32::try_from(triangles).expect("30 bits count triangles");
-        // The last number stands for no triangle.
+        // The last slot marks empty lanes.
         if self
             .next_slot
             .checked_add(triangles)
@@ -308,9 +312,13 @@ impl Scene {
         self.parts.iter().map(|part| part.mesh.len()).sum()
     }
 
+    /// The index of a part.
     fn place(&self, part: PartId) -> Result<usize, SceneError> {
         let place = self.parts.binary_search_by_key(&part, |part| part.id);
-        place.map_err(|_| SceneError::NoSuchPart { part })
+        place
+            .ok()
+            .filter(|_| part.scene() == self.number)
+            .ok_or(SceneError::NoSuchPart { part })
     }
 
     fn part(&self, part: PartId) -> Result<&Part, SceneError> {
@@ -329,7 +337,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_of_triangles_that_run_out_are_given_again() {
+    fn slots_that_run_out_are_numbered_again() {
         let at = |z: f32| {
             let corners = vec![[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
             Mesh::new(corners, vec![[0, 1, 2], [0, 1, 2]]).expect("valid")
@@ -343,7 +351,7 @@ mod tests {
             scene.set_strategy(strategy.clone());
             let mut parts = vec![scene.add_static(at(0.0)).expect("fits")];
             scene.commit().expect("a frame");
-            // As after four thousand million triangles that came and went.
+            // As after four thousand million triangles that were added and removed.
             scene.next_slot = u32::MAX - 3;
             for z in [1.0, 2.0] {
                 parts.push(scene.add_dynamic(at(z)).expect("fits"));

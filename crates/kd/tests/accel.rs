@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use kd::select::{Calibration, Structure, Times};
-use kd::{Accel, DecisionReason, Mesh, Ray, RayBudget};
+use kd::select::{Calibration, DecisionReason, Structure, Times};
+use kd::{Accel, Mesh, Ray, RayBudget};
 use kd_oracle::rays::Rays;
 use kd_oracle::{check, scenes};
 use kd_scene::Spd;

@@ -1,4 +1,4 @@
-//! What a user may do wrong, and what then happens.
+//! Invalid and extreme input: typed errors, no panics.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -93,27 +93,28 @@ fn extreme_coordinates_build_and_trace() {
     }
 }
 
-/// What is watched is the build, not another tree.
+/// Progress belongs to the build of the same tree.
 #[test]
-fn a_watched_build_tells_and_ends() {
+fn a_build_reports_progress_and_can_be_cancelled() {
     let mesh = Arc::new(Spd::Gears.generate(1).expect("a small size").mesh);
     for threads in [1, 2] {
         let options = BuildOptions::balanced().with_threads(threads);
         let calls = AtomicUsize::new(0);
-        let tree = KdTree::build_watched(Arc::clone(&mesh), &options, &|done| {
+        let tree = KdTree::build_with_progress(Arc::clone(&mesh), &options, &|done| {
             calls.fetch_add(1, Ordering::Relaxed);
             assert!((0.0..=1.0).contains(&done), "{threads} threads: {done}");
             ControlFlow::Continue(())
         })
-        .expect("nobody ended it");
-        let unwatched = KdTree::build(Arc::clone(&mesh), &options).expect("a tree");
-        assert_eq!(tree.nodes(), unwatched.nodes(), "{threads} threads");
-        assert_eq!(tree.stats(), unwatched.stats(), "{threads} threads");
+        .expect("not cancelled");
+        let expected = KdTree::build(Arc::clone(&mesh), &options).expect("a tree");
+        assert_eq!(tree.nodes(), expected.nodes(), "{threads} threads");
+        assert_eq!(tree.stats(), expected.stats(), "{threads} threads");
         let calls = calls.into_inner();
         assert!(calls > 1, "{threads} threads: {calls} calls");
-        let ended = KdTree::build_watched(Arc::clone(&mesh), &options, &|_| ControlFlow::Break(()));
+        let cancelled =
+            KdTree::build_with_progress(Arc::clone(&mesh), &options, &|_| ControlFlow::Break(()));
         assert_eq!(
-            ended.err(),
+            cancelled.err(),
             Some(BuildError::Cancelled),
             "{threads} threads"
         );

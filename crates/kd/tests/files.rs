@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use kd::{BuildOptions, FileError, KdTree, Ray, load_mesh};
+use kd::tree::FileError;
+use kd::{BuildOptions, KdTree, Ray, load_mesh};
 use kd_scene::Spd;
 
 fn testdata(name: &str) -> PathBuf {

@@ -1,4 +1,4 @@
-//! Trees that are built where rays go, against testing all triangles: equal to the bit, whatever was opened before.
+//! Trees that are built where rays enter them, against testing all triangles: equal to the bit, after any rays.
 
 mod rays;
 
@@ -7,7 +7,8 @@ use std::thread;
 
 use fastrand::Rng;
 use kd::glam::Vec3;
-use kd::{Axis, BuildError, BuildOptions, Hit, KdTree, LazyTree, Mesh, Method, NodeView, Ray};
+use kd::tree::{Axis, NodeView};
+use kd::{BuildError, BuildOptions, Hit, KdTree, LazyTree, Mesh, Method, Ray};
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::{rays_for, vertex_of};
@@ -99,7 +100,7 @@ fn every_query_of_a_scene_equals_brute_force(scene: Spd, size: u32) {
     assert!(10 * hit >= 3 * rays.len(), "{}: {hit} hit", scene.name());
     for (builder, options) in builders() {
         let what = format!("{} by {builder}", scene.name());
-        // One tree for each query, so that each finds cells that nobody has opened.
+        // One tree for each query, so that each meets cells that no ray has entered.
         let [closest, any, ordered] =
             [(); 3].map(|()| LazyTree::new(Arc::clone(&mesh), &options).expect("valid"));
         let mut hits = vec![None; rays.len()];
@@ -111,7 +112,7 @@ fn every_query_of_a_scene_equals_brute_force(scene: Spd, size: u32) {
             let is_hit = expected.is_some();
             assert_eq!(occluded[i], is_hit, "{what}: any hit of {ray:?}");
             if let Some(hit) = expected {
-                // A range that ends at the hit holds it, and one that ends just before it holds nothing.
+                // A range that ends at the hit contains it, and one that ends just before it contains none.
                 let until = ray.with_range(ray.t_min, hit.t);
                 assert_eq!(any.intersect(&until), Some(*hit), "{what}: {until:?}");
                 let before = ray.with_range(ray.t_min, hit.t.next_down());
@@ -144,7 +145,7 @@ fn threads_that_open_cells_at_once_get_the_same_answers() {
             built.intersect_batch(&rays, &mut expected);
             let tree = LazyTree::new(Arc::clone(&mesh), &options).expect("valid");
             let trace = |thread: usize| {
-                // Half of them all begin at the same cells, the others elsewhere.
+                // Half of the threads start at the same cells, the others elsewhere.
                 let first = (thread / 2) * rays.len() / 2;
                 for i in (first..rays.len()).chain(0..first) {
                     assert_eq!(
@@ -175,7 +176,7 @@ fn few_rays_open_few_cells() {
         for (builder, options) in builders() {
             let what = format!("{} by {builder}", scene.name());
             let tree = LazyTree::new(Arc::clone(&mesh), &options).expect("valid");
-            assert_eq!(tree.opened(), 0, "{what}: nobody has looked");
+            assert_eq!(tree.opened(), 0, "{what}: no ray has entered");
 
             let outside = mesh.bounds().max + Vec3::ONE;
             assert!(!tree.occluded(&Ray::new(outside, Vec3::X)), "{what}");

@@ -1,18 +1,20 @@
-//! Builders × every query against testing all triangles, on every generated scene: equal to the bit. The slow builders
-//! give the very tree of the exact one, so its answers are theirs.
+//! Builders × layouts × every query against testing all triangles, on every generated scene: equal to the bit. The slow
+//! builders give the tree of the exact one, so its answers are theirs.
 
 mod rays;
 
 use std::sync::Arc;
 use std::thread;
 
-use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Method, Ray};
+use kd::layout::WideTree;
+use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray};
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
 
-/// Each scene at a size with few triangles, and how many rays meet all of them. The smallest `shells` is large.
-const SCENES: [(Spd, u32, usize); 11] = [
+/// Each scene at a size with few triangles, some more than once, and the number of rays traced through all of them. The smallest
+/// `shells` is large.
+const SCENES: [(Spd, u32, usize); 15] = [
     (Spd::Balls, 1, 100_000),
     (Spd::Gears, 1, 100_000),
     (Spd::Mount, 3, 100_000),
@@ -24,9 +26,16 @@ const SCENES: [(Spd, u32, usize); 11] = [
     (Spd::Shells, 1, 4_000),
     (Spd::Sombrero, 1, 100_000),
     (Spd::Jacks, 1, 100_000),
+    (Spd::Gears, 2, 30_000),
+    (Spd::Mount, 5, 30_000),
+    (Spd::Tetra, 6, 30_000),
+    (Spd::Tree, 4, 30_000),
 ];
 
-/// The most triangles of a scene that the O(N²) builder meets.
+/// Wide nodes follow the planes of the kd-tree in cells of more triangles.
+const PLANES_ABOVE: usize = 1024;
+
+/// Upper limit on the triangles of a scene for the O(N²) builder.
 const NAIVE_UP_TO: usize = 1500;
 
 fn builders() -> Vec<(&'static str, BuildOptions)> {
@@ -59,15 +68,53 @@ fn builders() -> Vec<(&'static str, BuildOptions)> {
         ("balanced", BuildOptions::balanced()),
         ("best", BuildOptions::best()),
         (
-            "binary layout",
-            BuildOptions::balanced().with_layout(Layout::Binary),
-        ),
-        (
             "exact 15:20",
             BuildOptions::best().with_cost(CostModel::CLASSIC),
         ),
         ("blocks of eight", BuildOptions::best().with_cost(packed)),
     ]
+}
+
+/// Every builder in both layouts.
+fn trees_over(mesh: &Arc<Mesh>) -> impl Iterator<Item = (String, KdTree)> {
+    builders().into_iter().flat_map(|(builder, options)| {
+        [Layout::Binary, Layout::Wide].map(|layout| {
+            let options = options.clone().with_layout(layout);
+            let tree = KdTree::build(Arc::clone(mesh), &options).expect("valid options");
+            (format!("{builder}, {layout:?}"), tree)
+        })
+    })
+}
+
+fn mesh_of(scene: Spd, size: u32) -> Arc<Mesh> {
+    Arc::new(scene.generate(size).expect("a small size").mesh)
+}
+
+/// In small meshes all builders have the same wide nodes, so that only larger ones test how nodes follow planes.
+#[test]
+fn large_scenes_have_wide_nodes_of_planes() {
+    let mut large = 0;
+    for (scene, size, _) in SCENES {
+        let mesh = mesh_of(scene, size);
+        let wide = |options: &BuildOptions| {
+            let binary = options.clone().with_layout(Layout::Binary);
+            let tree = KdTree::build(Arc::clone(&mesh), &binary).expect("valid options");
+            WideTree::new(tree.tree(), &mesh)
+        };
+        let objects = WideTree::from_objects(&mesh);
+        let median = wide(&BuildOptions::balanced().with_method(Method::Median));
+        let best = wide(&BuildOptions::best());
+        let name = format!("{} {size}, {} triangles", scene.name(), mesh.len());
+        if mesh.len() <= PLANES_ABOVE {
+            assert!(median == objects && best == objects, "{name}");
+        } else if median != best && median != objects && best != objects {
+            large += 1;
+        }
+    }
+    assert!(
+        large >= 6,
+        "scenes whose planes show in wide nodes: {large}"
+    );
 }
 
 #[test]
@@ -80,7 +127,7 @@ fn every_query_on_every_scene_equals_brute_force() {
 }
 
 fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
-    let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+    let mesh = mesh_of(scene, size);
     let rays = rays_for(&mesh, count, 1);
     let expected: Vec<Option<Hit>> = rays
         .iter()
@@ -92,9 +139,8 @@ fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
         "{}: only {hits} of {count} rays hit",
         scene.name()
     );
-    for (builder, options) in builders() {
-        let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
-        let what = format!("{} by {builder}", scene.name());
+    for (builder, tree) in trees_over(&mesh) {
+        let what = format!("{} {size} by {builder}", scene.name());
         check(&tree, &rays, &expected, &what);
     }
 }
@@ -103,7 +149,7 @@ fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
 fn slow_builders_give_the_tree_that_met_brute_force() {
     let mut met_by_naive = 0;
     for (scene, size, _) in SCENES {
-        let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+        let mesh = mesh_of(scene, size);
         let by = |method| {
             let options = BuildOptions::best().with_method(method);
             KdTree::build(Arc::clone(&mesh), &options).expect("valid options")
@@ -127,12 +173,12 @@ fn slow_builders_give_the_tree_that_met_brute_force() {
     );
 }
 
-/// Multi-hit is dearer to check, so fewer rays meet it.
+/// Checking all hits takes longer, so fewer rays are traced.
 #[test]
 fn ordered_hits_on_every_scene_equal_brute_force() {
     let mut found = Vec::new();
     for (scene, size, count) in SCENES {
-        let mesh = Arc::new(scene.generate(size).expect("a small size").mesh);
+        let mesh = mesh_of(scene, size);
         let rays = rays_for(&mesh, count / 20, 2);
         let most = |i: usize| [1, 2, 4, usize::MAX][i % 4];
         let expected: Vec<Vec<Hit>> = rays
@@ -150,15 +196,14 @@ fn ordered_hits_on_every_scene_equal_brute_force() {
             "{}: {several} rays with several hits",
             scene.name()
         );
-        for (builder, options) in builders() {
-            let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
+        for (builder, tree) in trees_over(&mesh) {
             for (i, (ray, expected)) in rays.iter().zip(&expected).enumerate() {
                 let max = most(i);
                 tree.hits(ray, max, &mut found);
                 assert_eq!(
                     &found,
                     expected,
-                    "{} by {builder}, first {max} hits of {ray:?}",
+                    "{} {size} by {builder}, first {max} hits of {ray:?}",
                     scene.name()
                 );
             }
@@ -178,7 +223,7 @@ fn check(tree: &KdTree, rays: &[Ray], expected: &[Option<Hit>], what: &str) {
         assert_eq!(hit, expected, "{what}: closest hit of {ray:?}");
         assert_eq!(occluded, expected.is_some(), "{what}: any hit of {ray:?}");
         if let Some(hit) = hit {
-            // A range that ends at the hit holds it, and one that ends just before it holds nothing.
+            // A range that ends at the hit contains it, and one that ends just before it contains none.
             let until = ray.with_range(ray.t_min, hit.t);
             assert_eq!(tree.intersect(&until), Some(*hit), "{what}: {until:?}");
             let before = ray.with_range(ray.t_min, hit.t.next_down());

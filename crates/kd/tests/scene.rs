@@ -1,4 +1,4 @@
-//! Scenes that change, under every strategy, against testing all triangles of all parts; and what may be wrong with them.
+//! Scenes that change, under every strategy, against testing all triangles of all parts; and their errors.
 
 mod rays;
 
@@ -6,9 +6,10 @@ use std::sync::Arc;
 
 use fastrand::Rng;
 use kd::glam::{Affine3A, EulerRot, Mat3A, Quat, Vec3};
+use kd::scene::{CommitAction, CommitError, SceneError};
 use kd::{
-    Action, BuildOptions, CommitError, FrameData, Hit, MergeMethod, Mesh, MeshError, PartId, Ray,
-    RayPacket8, Scene, SceneError, Strategy,
+    BuildOptions, FrameData, Hit, MergeMethod, Mesh, MeshError, PartId, Ray, RayPacket8, Scene,
+    Strategy,
 };
 use kd_scene::Spd;
 use kd_trace::brute_force;
@@ -140,7 +141,7 @@ fn changing_scenes_answer_as_all_their_triangles_do() {
         let mut meshes: Vec<(PartId, Arc<Mesh>)> = vec![];
         let mut kept: Option<(Arc<FrameData>, Oracle)> = None;
         for commit in 0..COMMITS {
-            // All strategies at first, one for all later; the last runs through all.
+            // First all strategies, then one for the rest; the last cycles through all.
             if number == 0 {
                 scene.set_strategy(strategies()[commit % strategies().len()].clone());
             } else {
@@ -194,7 +195,7 @@ fn changing_scenes_answer_as_all_their_triangles_do() {
             if let Some((before, oracle)) = &kept {
                 oracle.check(before, 100, commit as u64, "a snapshot of a frame before");
             }
-            // Held over one, two or three commits, or not at all.
+            // Kept over up to three commits.
             if rng.bool() {
                 kept = rng.bool().then(|| (scene.snapshot(), oracle));
             }
@@ -227,7 +228,7 @@ fn frames_of_one_pose_are_as_large_whatever_was_before() {
             scene
                 .set_transform(other, Affine3A::from_mat3(turn.into()))
                 .expect("finite");
-            // Building takes longer, and can be no different.
+            // Building takes longer, and gives the same sizes.
             if commit < 300 || matches!(strategy, Strategy::Refit | Strategy::Instances) {
                 sizes.push(scene.commit().expect("a frame").bytes);
             }
@@ -278,7 +279,7 @@ fn kd_trees_move_with_parts_that_stay_on_course() {
         scene.set_strategy(Strategy::Merge(method));
         let mut actions = vec![];
         for step in 0..6_u8 {
-            // A way, and at its end another one.
+            // A course, then another one.
             let on = Affine3A::from_translation(Vec3::new(0.3, -0.2, 0.1) * f32::from(step));
             let (turn, mirror) = if step < 4 {
                 (turn, mirror)
@@ -299,7 +300,7 @@ fn kd_trees_move_with_parts_that_stay_on_course() {
                 &format!("{method:?}, step {step}"),
             );
         }
-        let (built, moved) = (Action::BuiltFast, Action::Moved);
+        let (built, moved) = (CommitAction::BuiltFast, CommitAction::Moved);
         let expected = [built, built, moved, moved, built, built].map(|action| [action; 2]);
         assert_eq!(actions, expected, "{method:?}");
     }
@@ -375,8 +376,8 @@ fn what_is_wrong_is_told_and_changes_nothing() {
     assert!(matches!(refused, CommitError::Rebuild { .. }), "{refused}");
     oracle.check(&scene.frame(), 200, 3, "after another");
     scene.set_strategy(Strategy::Auto);
-    scene.commit().expect("mended");
-    oracle.check(&scene.frame(), 200, 4, "mended");
+    scene.commit().expect("corrected");
+    oracle.check(&scene.frame(), 200, 4, "corrected");
 
     let (mut bad, _) = gears_and_balls(BuildOptions::balanced().with_max_depth(99));
     let refused = bad.commit().expect_err("too deep");
@@ -443,30 +444,30 @@ fn reports_tell_what_was_done_and_auto_reckons() {
     let report = scene.commit().expect("a frame");
     let actions: Vec<_> = report.changes.iter().map(|c| (c.part, c.action)).collect();
     let built = [
-        (still, Action::Built),
-        (moving, Action::BuiltFast),
-        (other, Action::BuiltFast),
+        (still, CommitAction::Built),
+        (moving, CommitAction::BuiltFast),
+        (other, CommitAction::BuiltFast),
     ];
     assert_eq!(actions, built, "{report}");
     let report = scene.commit().expect("a frame");
     assert!(report.changes.is_empty(), "nothing has changed: {report}");
 
-    // What moves as a whole keeps its nodes, whatever the number of rays.
+    // A part that moves as a whole keeps its nodes, for any number of rays.
     scene.set_ray_budget(1_000_000_000);
     let place = Affine3A::from_translation(Vec3::new(0.5, 0.25, 0.125));
     scene.set_transform(moving, place).expect("finite");
     let report = scene.commit().expect("a frame");
     assert_eq!(report.changes.len(), 1, "{report}");
-    assert_eq!(report.changes[0].action, Action::Refitted, "{report}");
+    assert_eq!(report.changes[0].action, CommitAction::Refitted, "{report}");
 
-    // Triangles that part are worth building anew where there are rays, and else not.
+    // Triangles that move apart are rebuilt for many rays, and refitted for few.
     let mesh = Arc::clone(scene.frame().mesh(other).expect("there"));
     let mut rng = Rng::with_seed(1);
     let mut apart = mesh.positions().to_vec();
     rng.shuffle(&mut apart);
     for (rays, action) in [
-        (1_000, Action::Refitted),
-        (1_000_000_000, Action::BuiltFast),
+        (1_000, CommitAction::Refitted),
+        (1_000_000_000, CommitAction::BuiltFast),
     ] {
         scene.set_ray_budget(rays);
         scene.set_positions(other, &apart).expect("finite");
@@ -475,4 +476,37 @@ fn reports_tell_what_was_done_and_auto_reckons() {
     }
     let frame = scene.frame();
     Oracle::new(&frame).check(&frame, 300, 6, "after all of it");
+}
+
+/// Ids of two scenes are equal, and still not exchangeable.
+#[test]
+fn ids_of_another_scene_are_no_such_part() {
+    let (mut scene, ids) = gears_and_balls(BuildOptions::balanced());
+    let (mut other, foreign) = gears_and_balls(BuildOptions::balanced());
+    assert_eq!(ids, foreign, "text and order of ids are those of any run");
+    assert_eq!(format!("{ids:?}"), format!("{foreign:?}"));
+    let order = |ids: [PartId; 3]| {
+        let mut ids = ids;
+        ids.sort_unstable();
+        ids
+    };
+    assert_eq!(order(ids), order(foreign), "the order ignores the scene");
+    for part in foreign {
+        for refused in [
+            scene.set_transform(part, Affine3A::IDENTITY),
+            scene.set_positions(part, &[]),
+            scene.add_instance(part, Affine3A::IDENTITY).map(|_| ()),
+            scene.remove(part),
+        ] {
+            assert_eq!(refused, Err(SceneError::NoSuchPart { part }));
+        }
+    }
+    scene.commit().expect("a frame");
+    other.commit().expect("a frame");
+    for (own, part) in ids.into_iter().zip(foreign) {
+        assert!(scene.frame().mesh(own).is_some(), "{own} is in its frame");
+        assert!(scene.frame().mesh(part).is_none(), "{part} is foreign");
+        assert!(other.snapshot().mesh(part).is_some(), "{part} at home");
+    }
+    other.remove(foreign[0]).expect("its own part");
 }

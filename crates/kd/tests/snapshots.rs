@@ -28,7 +28,7 @@ fn check(builder: &str, options: &BuildOptions) {
 
 #[test]
 fn median() {
-    // As many primitives to a leaf as it tests at once: by costs alone this builder would not stop.
+    // Leaves of one block: costs alone do not end this builder.
     check("median", &by(Method::Median).with_small_leaf(8));
 }
 

@@ -1,4 +1,4 @@
-//! Doing what was planned, none of which can fail.
+//! The second half of a commit: carries out the plan. Nothing here can fail.
 
 use std::sync::Arc;
 
@@ -6,17 +6,17 @@ use kd_core::{Aabb, Mesh};
 use kd_trace::{Join, Joined};
 
 use super::frame::{FrameData, FramePart, Shape};
-use super::grove::{Grove, Origin, Wanted};
 use super::part::Role;
+use super::part_group::{Origin, PartGroup, Wanted};
 use super::plan::{MergePlan, Nodes, PartPlan, Plan};
-use super::report::{Action, CommitReport, PartChange, Reason};
+use super::report::{CommitAction, CommitReason, CommitReport, PartChange};
 use super::{Scene, Strategy};
-use crate::traced::Traced;
+use crate::layout::TreeLayout;
 
-/// What a ray takes for a node that it visits, and what building a triangle takes over refitting it, in nanoseconds. Only
-/// their ratio decides anything. (`cargo xtask calibrate`: 7 for a node, 11 for a block; the records in `docs/frames.md`: 200
-/// to 430 for a triangle.)
+/// Nanoseconds of a node visit. Only the ratio to [`BUILD_NS`] decides anything. (`cargo xtask calibrate`: 7 for a node, 11 for a
+/// block.)
 const NODE_NS: f64 = 10.0;
+/// Nanoseconds by which building a triangle exceeds refitting it. (The records in `docs/frames.md`: 200 to 430.)
 const BUILD_NS: f64 = 230.0;
 
 impl Scene {
@@ -29,7 +29,7 @@ impl Scene {
         let (meshes, changes, joined) = match plan {
             Plan::Parts(plans) => self.apply_parts(plans),
             Plan::Merged(plan) => self.apply_merge(plan),
-            Plan::Whole(meshes, traced) => self.apply_whole(meshes, traced),
+            Plan::Whole(meshes, layout) => self.apply_whole(meshes, layout),
         };
         self.note_parts(meshes);
         CommitReport {
@@ -44,9 +44,9 @@ impl Scene {
         }
     }
 
-    /// Tells the frame which triangles are whose.
+    /// Records in the frame which triangles belong to which part.
     fn note_parts(&mut self, meshes: Vec<Arc<Mesh>>) {
-        let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
+        let front = Arc::get_mut(&mut self.front).expect("the new frame has no snapshot yet");
         let are_in_one_mesh = matches!(front.shape, Shape::Whole(_));
         let mut next = 0;
         front.bounds = around(&meshes);
@@ -66,7 +66,7 @@ impl Scene {
         }
     }
 
-    /// Makes another shape the one of the frame, in memory that nobody else looks at.
+    /// Makes `shape` that of the front frame, in memory that no snapshot shares.
     fn show(&mut self, shape: Shape) {
         if let Some(front) = Arc::get_mut(&mut self.front)
             && !matches!(front.shape, Shape::Merged(_))
@@ -84,15 +84,15 @@ impl Scene {
     fn apply_whole(
         &mut self,
         meshes: Vec<Arc<Mesh>>,
-        traced: Box<Traced>,
+        layout: Box<TreeLayout>,
     ) -> (Vec<Arc<Mesh>>, Vec<PartChange>, Joined) {
-        self.show(Shape::Whole(traced));
+        self.show(Shape::Whole(layout));
         let pairs = self.parts.iter().zip(&meshes);
         let changes = pairs.map(|(part, mesh)| PartChange {
             part: part.id,
             triangles: mesh.len(),
-            action: Action::BuiltWithAll,
-            reason: Reason::Strategy,
+            action: CommitAction::BuiltWithAll,
+            reason: CommitReason::Strategy,
         });
         let changes = changes.collect();
         (meshes, changes, Joined::default())
@@ -136,19 +136,19 @@ impl Scene {
             meshes.push(plan.mesh);
             nodes.push(plan.nodes);
         }
-        self.plant(&meshes, &nodes);
+        self.update_groups(&meshes, &nodes);
         if self.strategy == Strategy::Auto {
             let worn = self.build_where_it_pays(&meshes, &mut changes);
             if worn.iter().any(|nodes| matches!(nodes, Nodes::New(_))) {
-                self.plant(&meshes, &worn);
+                self.update_groups(&meshes, &worn);
             }
         }
         let joined = self.join();
         (meshes, changes, joined)
     }
 
-    /// Puts the nodes of all parts into the frame, where their triangles are now.
-    fn plant(&mut self, meshes: &[Arc<Mesh>], nodes: &[Nodes]) {
+    /// Moves the nodes of all parts into the groups of the frame, fitted to where their triangles are.
+    fn update_groups(&mut self, meshes: &[Arc<Mesh>], nodes: &[Nodes]) {
         for (place, nodes) in nodes.iter().enumerate() {
             if !matches!(nodes, Nodes::Kept) {
                 self.parts[place].built = self.commits;
@@ -163,32 +163,32 @@ impl Scene {
         for ((part, mesh), nodes) in self.parts.iter().zip(meshes).zip(nodes) {
             let is_second = self.strategy == Strategy::Dual && part.role != Role::Static;
             wanted[usize::from(is_second)].push(Wanted {
-                key: part.key(),
+                version: part.version(),
                 mesh,
                 origin: match nodes {
                     Nodes::Kept => Origin::Before,
                     Nodes::New(tree) => Origin::New(tree),
-                    Nodes::Shared(original) => Origin::Other(self.parts[*original].key()),
+                    Nodes::Shared(original) => Origin::Other(self.parts[*original].version()),
                 },
             });
         }
         for wanted in &mut wanted {
-            wanted.sort_by_key(|wanted| wanted.key.nodes());
+            wanted.sort_by_key(|wanted| wanted.version.nodes_id());
         }
         let own = Arc::get_mut(&mut self.front).map(|front| std::mem::take(&mut front.shape));
-        let (mut groves, before) = match own {
-            Some(Shape::Groves(groves)) if groves.len() == count => (groves, Vec::new()),
-            Some(Shape::Groves(groves)) => (new_groves(count), groves),
-            Some(Shape::Whole(_) | Shape::Merged(_)) => (new_groves(count), Vec::new()),
+        let (mut groups, before) = match own {
+            Some(Shape::PartGroups(groups)) if groups.len() == count => (groups, Vec::new()),
+            Some(Shape::PartGroups(groups)) => (new_groups(count), groups),
+            Some(Shape::Whole(_) | Shape::Merged(_)) => (new_groups(count), Vec::new()),
             None => (self.take_back(count), Vec::new()),
         };
         let front = match &self.front.shape {
-            Shape::Groves(groves) => groves.as_slice(),
+            Shape::PartGroups(groups) => groups.as_slice(),
             Shape::Whole(_) | Shape::Merged(_) => &[],
         };
         for (number, wanted) in wanted.iter().enumerate() {
-            let (earlier, rest) = groves.split_at_mut(number);
-            let others: [&[Grove]; 3] = [earlier, &before, front];
+            let (earlier, rest) = groups.split_at_mut(number);
+            let others: [&[PartGroup]; 3] = [earlier, &before, front];
             rest[0].update(wanted, &others, self.is_parallel());
         }
         for (place, nodes) in nodes.iter().enumerate() {
@@ -197,28 +197,28 @@ impl Scene {
                 Nodes::Kept => continue,
                 Nodes::Shared(original) => self.parts[*original].cost,
                 Nodes::New(_) => {
-                    let key = part.key();
-                    let cost = groves.iter().find_map(|grove| grove.cost(&key));
-                    let cost = cost.expect("it was just planted");
+                    let version = part.version();
+                    let cost = groups.iter().find_map(|group| group.cost(&version));
+                    let cost = cost.expect("the group holds it now");
                     let scale = part.area_scale();
                     if scale > 0.0 { cost / scale } else { cost }
                 }
             };
             self.parts[place].cost = cost;
         }
-        self.show(Shape::Groves(groves));
+        self.show(Shape::PartGroups(groups));
     }
 
-    /// So many groves of a frame that nobody looks at any more, or new ones.
-    fn take_back(&mut self, count: usize) -> Vec<Grove> {
+    /// `count` groups of a frame without snapshots, to reuse, or new ones.
+    fn take_back(&mut self, count: usize) -> Vec<PartGroup> {
         let back = self.back.take().and_then(|back| Arc::try_unwrap(back).ok());
         match back.map(|back| back.shape) {
-            Some(Shape::Groves(groves)) if groves.len() == count => groves,
-            _ => new_groves(count),
+            Some(Shape::PartGroups(groups)) if groups.len() == count => groups,
+            _ => new_groups(count),
         }
     }
 
-    /// Joins the parts of the frame.
+    /// Joins the parts of each group.
     fn join(&mut self) -> Joined {
         let mut options = Join {
             is_parallel: self.is_parallel(),
@@ -227,11 +227,11 @@ impl Scene {
         if let Strategy::Dual | Strategy::Instances = self.strategy {
             options.open_above = f64::INFINITY;
         }
-        let front = Arc::get_mut(&mut self.front).expect("nobody else has it yet");
+        let front = Arc::get_mut(&mut self.front).expect("the new frame has no snapshot yet");
         let mut all = Joined::default();
-        if let Shape::Groves(groves) = &mut front.shape {
-            for grove in groves {
-                let joined = grove.forest.join(options);
+        if let Shape::PartGroups(groups) = &mut front.shape {
+            for group in groups {
+                let joined = group.forest.join(options);
                 all.nodes += joined.nodes;
                 all.links += joined.links;
                 all.opened += joined.opened;
@@ -240,31 +240,31 @@ impl Scene {
         all
     }
 
-    /// Builds the parts anew that were refitted, and whose boxes have become so bad that it pays; and says so.
+    /// Rebuilds the refitted parts whose boxes cost rays more time than a build takes; records that in `changes`.
     fn build_where_it_pays(&self, meshes: &[Arc<Mesh>], changes: &mut [PartChange]) -> Vec<Nodes> {
         let mut nodes: Vec<Nodes> = meshes.iter().map(|_| Nodes::Kept).collect();
-        let Shape::Groves(groves) = &self.front.shape else {
+        let Shape::PartGroups(groups) = &self.front.shape else {
             return nodes;
         };
         let area = around(meshes).half_area();
         let refitted = changes.iter_mut();
-        for change in refitted.filter(|change| change.action == Action::Refitted) {
+        for change in refitted.filter(|change| change.action == CommitAction::Refitted) {
             let place = self.place(change.part).expect("it is in the scene");
             let part = &self.parts[place];
-            let key = part.key();
-            let now = groves.iter().find_map(|grove| grove.cost(&key));
+            let version = part.version();
+            let now = groups.iter().find_map(|group| group.cost(&version));
             let now = now.expect("it is in the frame");
             let more = (now - part.cost * part.area_scale()).max(0.0);
             let visits = if area > 0.0 { more / area } else { 0.0 };
             #[allow(clippy::cast_precision_loss, reason = "an estimate")]
-            let rays_lose_ns = self.ray_budget as f64 * visits * NODE_NS;
-            let building_takes_ns = BUILD_NS * change.triangles as f64;
-            change.reason = Reason::Reckoned {
-                rays_lose_ns,
-                building_takes_ns,
+            let ray_loss_ns = self.ray_budget as f64 * visits * NODE_NS;
+            let build_ns = BUILD_NS * change.triangles as f64;
+            change.reason = CommitReason::Estimate {
+                ray_loss_ns,
+                build_ns,
             };
-            if rays_lose_ns > building_takes_ns {
-                change.action = Action::BuiltFast;
+            if ray_loss_ns > build_ns {
+                change.action = CommitAction::BuiltFast;
                 nodes[place] = Nodes::New(self.build_fast(&meshes[place]));
             }
         }
@@ -272,8 +272,10 @@ impl Scene {
     }
 }
 
-fn new_groves(count: usize) -> Vec<Grove> {
-    std::iter::repeat_with(Grove::default).take(count).collect()
+fn new_groups(count: usize) -> Vec<PartGroup> {
+    std::iter::repeat_with(PartGroup::default)
+        .take(count)
+        .collect()
 }
 
 fn around(meshes: &[Arc<Mesh>]) -> Aabb {

@@ -1,19 +1,19 @@
-//! What a commit makes, and rays are traced through.
+//! What a commit makes: the parts of a scene, ready to trace.
 
 use std::ops::Deref;
 use std::sync::Arc;
 
-use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes};
-
-use kd_trace::WideTree;
+use kd_core::{Aabb, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
+use kd_trace::{RayQuery, WideTree};
 
 use super::PartId;
-use super::grove::Grove;
 use super::merged::MergedTrees;
-use crate::traced::{Traced, TracedRef};
+use super::part_group::PartGroup;
+use crate::layout::{TreeLayout, TreeLayoutRef};
+use crate::query::delegate_ray_query;
 
-/// All parts of a [`Scene`](crate::Scene) as they were at its last commit. It borrows the scene, and gives all queries of
-/// [`FrameData`].
+/// All parts of a [`Scene`](crate::Scene) as they were at its last commit. It borrows the scene, and dereferences to
+/// [`FrameData`], which has the queries.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     data: &'a FrameData,
@@ -24,7 +24,7 @@ impl<'a> Frame<'a> {
         Self { data }
     }
 
-    /// The parts, for as long as the scene is borrowed.
+    /// The frame's data, for as long as the scene is borrowed.
     pub fn data(self) -> &'a FrameData {
         self.data
     }
@@ -40,41 +40,43 @@ impl Deref for Frame<'_> {
 
 /// All parts of a [`Scene`](crate::Scene) as they were at one commit, ready to trace. Queries may run on any number of threads.
 ///
-/// Every query gives what testing all triangles of all parts would give, to the bit: equal distances are settled by the lower
-/// part, then by the lower triangle. A hit's triangle is that of the part's own mesh.
+/// Every query returns what a test of all triangles of all parts returns, to the bit; among equal distances the lower part, then
+/// the lower triangle, wins. A hit's triangle is a number in the part's own mesh.
 #[derive(Clone, Debug)]
 pub struct FrameData {
     pub(super) shape: Shape,
-    /// In the order of their ids, and so of the numbers of their triangles.
+    /// In the order of their ids, and so of their slots.
     pub(super) parts: Vec<FramePart>,
     pub(super) bounds: Aabb,
 }
 
-/// What rays go through.
+/// What rays traverse.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
-    /// One after the other.
-    Groves(Vec<Grove>),
-    Whole(Box<Traced>),
+    /// Wide nodes of parts, one group after the other.
+    PartGroups(Vec<PartGroup>),
+    /// One tree over the triangles of all parts.
+    Whole(Box<TreeLayout>),
+    /// One kd-tree, merged from those of the parts.
     Merged(Box<MergedTrees>),
 }
 
-/// A part where it was.
+/// A part of a frame.
 #[derive(Clone, Debug)]
 pub(super) struct FramePart {
     pub(super) id: PartId,
-    /// The number of its first triangle.
+    /// Its first slot.
     pub(super) first: u32,
     pub(super) mesh: Arc<Mesh>,
 }
 
 impl Default for Shape {
     fn default() -> Self {
-        Self::Groves(Vec::new())
+        Self::PartGroups(Vec::new())
     }
 }
 
-/// A frame of no parts.
+/// A frame without parts.
 impl Default for FrameData {
     fn default() -> Self {
         Self {
@@ -91,36 +93,37 @@ impl FrameData {
         self.parts.iter().map(|part| part.id)
     }
 
-    /// A part's mesh where it is in this frame: to look up corners and normals of hits. `None` if it is not in the frame.
+    /// A part's mesh, transformed as in this frame: for corners and normals of hits. `None` for a part that is not in the frame, and
+    /// for an id of another scene.
     pub fn mesh(&self, part: PartId) -> Option<&Arc<Mesh>> {
         let place = self
             .parts
             .binary_search_by_key(&part, |part| part.id)
             .ok()?;
-        Some(&self.parts[place].mesh)
+        let found = &self.parts[place];
+        (found.id.scene() == part.scene()).then_some(&found.mesh)
     }
 
-    /// The box around all triangles; [`Aabb::EMPTY`] without any.
+    /// The bounding box of all triangles; [`Aabb::EMPTY`] without any.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// Bytes that rays may read.
-    pub fn bytes(&self) -> TracedBytes {
-        let nothing = TracedBytes {
-            nodes: 0,
-            blocks: 0,
-        };
-        self.trees().fold(nothing, |sum, tree| {
-            let bytes = tree.bytes();
-            TracedBytes {
-                nodes: sum.nodes + bytes.nodes,
-                blocks: sum.blocks + bytes.blocks,
-            }
-        })
+    /// Bytes of the frame's layout.
+    pub fn bytes(&self) -> LayoutBytes {
+        self.trees().map(TreeLayoutRef::bytes).sum()
     }
 
-    /// The closest hit and the part that it is of, as [`KdTree::intersect`](crate::KdTree::intersect).
+    /// Which layout rays traverse; [`kd::layout`](crate::layout) says why.
+    pub fn layout(&self) -> Layout {
+        match &self.shape {
+            Shape::PartGroups(_) => Layout::Wide,
+            Shape::Whole(layout) => layout.layout(),
+            Shape::Merged(_) => Layout::Binary,
+        }
+    }
+
+    /// The closest hit and its part, as [`KdTree::intersect`](crate::KdTree::intersect).
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<(PartId, Hit)> {
         if let Some(tree) = self.only_tree() {
@@ -143,8 +146,8 @@ impl FrameData {
         self.trees().any(|tree| tree.occluded(ray))
     }
 
-    /// The first `max` hits in `out`, which is cleared before, as [`KdTree::hits`](crate::KdTree::hits): ordered by `t`, then
-    /// by part, then by triangle.
+    /// The first `max` hits, ordered by `t`, then by part, then by triangle, as [`KdTree::hits`](crate::KdTree::hits). Clears `out`
+    /// first.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<(PartId, Hit)>) {
         out.clear();
         let mut of_one = Vec::new();
@@ -166,7 +169,7 @@ impl FrameData {
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<(PartId, Hit)>]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        /// So many hits are kept beside those that are asked for.
+        /// Rays per call to the trees; bounds the memory for their hits.
         const CHUNK: usize = 4096;
         let mut found = vec![None; rays.len().min(CHUNK)];
         for (rays, hits) in rays.chunks(CHUNK).zip(hits.chunks_mut(CHUNK)) {
@@ -240,33 +243,33 @@ impl FrameData {
         }
     }
 
-    /// The wide tree that rays go through, if it is the only one, as in most frames.
+    /// The wide tree, if rays traverse no other, as in most frames.
     #[inline]
     fn only_tree(&self) -> Option<&WideTree> {
         match &self.shape {
-            Shape::Groves(groves) if groves.len() == 1 => Some(groves[0].forest.tree()),
+            Shape::PartGroups(groups) if groups.len() == 1 => Some(groups[0].forest.tree()),
             _ => None,
         }
     }
 
-    /// What rays go through, one after the other.
+    /// The trees that rays traverse, one after the other.
     #[inline]
-    fn trees(&self) -> impl Iterator<Item = TracedRef<'_>> {
-        let (groves, other): (&[Grove], _) = match &self.shape {
-            Shape::Groves(groves) => (groves, None),
-            Shape::Whole(traced) => (&[], Some(traced.borrowed())),
-            Shape::Merged(trees) => (&[], Some(TracedRef::Binary(trees.packed().tree()))),
+    fn trees(&self) -> impl Iterator<Item = TreeLayoutRef<'_>> {
+        let (groups, other): (&[PartGroup], _) = match &self.shape {
+            Shape::PartGroups(groups) => (groups, None),
+            Shape::Whole(layout) => (&[], Some(layout.borrowed())),
+            Shape::Merged(trees) => (&[], Some(TreeLayoutRef::Binary(trees.packed().tree()))),
         };
-        let groves = groves
+        let groups = groups
             .iter()
-            .map(|grove| TracedRef::Wide(grove.forest.tree()));
-        groves.chain(other)
+            .map(|group| TreeLayoutRef::Wide(group.forest.tree()));
+        groups.chain(other)
     }
 
-    /// Which part a hit is of, and the hit with that part's own triangle.
+    /// The part of a hit, and the hit with the triangle's number in that part.
     #[inline]
     fn of_part(&self, hit: Hit) -> (PartId, Hit) {
-        // Of parts with the same number only the last has triangles.
+        // Of parts with the same first slot only the last has triangles.
         let after = self
             .parts
             .partition_point(|part| part.first <= hit.triangle);
@@ -276,7 +279,10 @@ impl FrameData {
     }
 }
 
-/// A ray as far as a hit, which may be met again.
+delegate_ray_query!(FrameData, (PartId, Hit), |frame| frame);
+delegate_ray_query!(Frame<'_>, (PartId, Hit), |frame| frame.data);
+
+/// The ray up to a hit, inclusive.
 #[inline]
 fn up_to(ray: &Ray, hit: Option<Hit>) -> Ray {
     hit.map_or(*ray, |hit| ray.with_range(ray.t_min, hit.t))

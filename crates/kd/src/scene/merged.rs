@@ -9,28 +9,28 @@ use kd_merge::{
 };
 use kd_trace::PackedArena;
 
-use super::grove::Key;
+use super::part_group::PartVersion;
 use super::strategy::MergeMethod;
 
-/// Trees in one arena: those of what stands still first, merged once, then what belongs to a frame.
+/// Trees in one arena: first those of the static parts, merged once, then the nodes of one frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MergedTrees {
     arena: Arena,
     census: Census,
     packed: PackedArena,
-    /// What stands still, and the tree of it, if there is any.
-    still: Vec<Key>,
-    still_tree: Option<Placed>,
-    still_segments: usize,
-    /// The number after those that triangles had then.
-    still_end: u32,
+    static_parts: Vec<PartVersion>,
+    /// The merged tree of the static parts; `None` without any triangles.
+    static_tree: Option<Placed>,
+    static_segments: usize,
+    /// The end of the scene's slots when the static trees were merged.
+    static_end: u32,
 }
 
 /// A part to merge.
 pub(super) struct MergedPart<'a> {
-    pub(super) key: Key,
+    pub(super) version: PartVersion,
     pub(super) mesh: &'a Arc<Mesh>,
-    pub(super) is_still: bool,
+    pub(super) is_static: bool,
 }
 
 impl MergedTrees {
@@ -38,20 +38,22 @@ impl MergedTrees {
         &self.packed
     }
 
-    /// Whether there is a tree of what stands still.
-    pub(super) fn has_still_tree(&self) -> bool {
-        self.still_tree.is_some()
+    /// Whether the static parts have a tree.
+    pub(super) fn has_static_tree(&self) -> bool {
+        self.static_tree.is_some()
     }
 
-    /// Whether the trees of what stands still are those of these parts.
-    pub(super) fn has_still(&self, parts: &[MergedPart<'_>], end: u32) -> bool {
-        let still = parts.iter().filter(|part| part.is_still);
-        let is_same = still.map(|part| &part.key).eq(&self.still);
-        self.still_segments > 0 && is_same && self.still_end <= end
+    /// Whether the static trees are those of `parts`.
+    pub(super) fn has_static(&self, parts: &[MergedPart<'_>], end: u32) -> bool {
+        let static_parts = parts.iter().filter(|part| part.is_static);
+        let is_same = static_parts
+            .map(|part| &part.version)
+            .eq(&self.static_parts);
+        self.static_segments > 0 && is_same && self.static_end <= end
     }
 
-    /// Starts anew with the trees of what stands still, in the order of `parts`.
-    pub(super) fn set_still(
+    /// Replaces everything by the trees of the static parts, in the order of `parts`, merged.
+    pub(super) fn set_static(
         &mut self,
         parts: &[MergedPart<'_>],
         trees: &[Tree],
@@ -60,10 +62,10 @@ impl MergedTrees {
     ) -> Result<(), MergeError> {
         *self = Self::default();
         let source = Slots::new(parts, end);
-        let still = parts.iter().filter(|part| part.is_still);
-        let placed = self.append(still.clone().zip(trees), end)?;
-        self.still = still.map(|part| part.key).collect();
-        self.still_tree = match placed.as_slice() {
+        let static_parts = parts.iter().filter(|part| part.is_static);
+        let placed = self.append(static_parts.clone().zip(trees), end)?;
+        self.static_parts = static_parts.map(|part| part.version).collect();
+        self.static_tree = match placed.as_slice() {
             [] => None,
             [one] => Some(*one),
             several => {
@@ -74,13 +76,14 @@ impl MergedTrees {
         };
         self.packed
             .extend(&self.arena, |slot| source.corners(slot.0));
-        self.still_segments = self.arena.segments();
-        self.still_end = end;
+        self.static_segments = self.arena.segments();
+        self.static_end = end;
         Ok(())
     }
 
-    /// Merges the trees of what moves, in the order of `parts`, into what stands still. ([`MergeMethod::Insertion`] looks at
-    /// none if [there is](Self::has_still_tree) something that stands still.)
+    /// Merges the trees of the other parts, in the order of `parts`, into the static tree.
+    ///
+    /// [`MergeMethod::Insertion`] uses no `trees` if there is a [static tree](Self::has_static_tree).
     pub(super) fn merge<'t>(
         &mut self,
         method: MergeMethod,
@@ -89,20 +92,22 @@ impl MergedTrees {
         end: u32,
         options: &MergeOptions,
     ) -> Result<Option<Merged>, MergeError> {
-        self.arena.truncate(self.still_segments);
+        self.arena.truncate(self.static_segments);
         self.census.truncate(self.arena.nodes().len());
-        self.packed.truncate(self.still_segments);
+        self.packed.truncate(self.static_segments);
         let source = Slots::new(parts, end);
-        let moving = parts.iter().filter(|part| !part.is_still);
+        let moving = parts.iter().filter(|part| !part.is_static);
         let mut merged = None;
-        let whole = match (method, self.still_tree) {
-            (MergeMethod::Insertion, Some(still)) => {
+        let whole = match (method, self.static_tree) {
+            (MergeMethod::Insertion, Some(static_tree)) => {
                 let slots = moving.clone().flat_map(MergedPart::slots);
                 let slots: Vec<Slot> = slots.collect();
-                let bounds = moving.fold(still.bounds, |all, part| all.union(&part.mesh.bounds()));
+                let bounds = moving.fold(static_tree.bounds, |all, part| {
+                    all.union(&part.mesh.bounds())
+                });
                 let tree = insert(
                     &mut self.arena,
-                    still.root,
+                    static_tree.root,
                     &slots,
                     &source,
                     bounds,
@@ -111,8 +116,8 @@ impl MergedTrees {
                 merged = Some(tree);
                 Some(self.freeze(tree, bounds, end)?)
             }
-            (method, still) => {
-                let mut placed: Vec<Placed> = still.into_iter().collect();
+            (method, static_tree) => {
+                let mut placed: Vec<Placed> = static_tree.into_iter().collect();
                 placed.extend(self.append(moving.zip(trees), end)?);
                 self.join(method, &placed, &source, &mut merged, end, options)?
             }
@@ -125,7 +130,7 @@ impl MergedTrees {
         Ok(merged)
     }
 
-    /// One tree of several, if there are any.
+    /// Merges `placed` into one tree; `None` without any.
     fn join(
         &mut self,
         method: MergeMethod,
@@ -166,7 +171,7 @@ impl MergedTrees {
         let mut placed = Vec::new();
         for (part, tree) in pairs {
             if !part.mesh.is_empty() {
-                let root = self.arena.append_tree(tree, part.key.first_slot)?;
+                let root = self.arena.append_tree(tree, part.version.first_slot)?;
                 let bounds = part.mesh.bounds();
                 placed.push(Placed { root, bounds });
             }
@@ -188,7 +193,7 @@ impl MergedTrees {
 
 impl MergedPart<'_> {
     fn slots(&self) -> impl Iterator<Item = Slot> {
-        let first = self.key.first_slot;
+        let first = self.version.first_slot;
         let end = first + u32::try_from(self.mesh.len()).expect("30 bits count triangles");
         (first..end).map(Slot)
     }
@@ -199,9 +204,9 @@ fn around(placed: &[Placed]) -> Aabb {
     boxes.fold(Aabb::EMPTY, |all, one| all.union(&one))
 }
 
-/// The triangles of all parts, by the numbers that they have in the scene.
+/// The triangles of all parts by slot.
 struct Slots<'a> {
-    /// In the order of their first triangles.
+    /// The first slot and the mesh of each part with triangles, in the order of slots.
     parts: Vec<(u32, &'a Mesh)>,
     end: u32,
 }
@@ -211,7 +216,7 @@ impl<'a> Slots<'a> {
         let mut parts: Vec<(u32, &Mesh)> = parts
             .iter()
             .filter(|part| !part.mesh.is_empty())
-            .map(|part| (part.key.first_slot, &**part.mesh))
+            .map(|part| (part.version.first_slot, &**part.mesh))
             .collect();
         parts.sort_by_key(|part| part.0);
         Self { parts, end }

@@ -1,4 +1,4 @@
-//! The kd-trees of parts that move, kept from frame to frame where frames are made by merging kd-trees.
+//! The kd-trees of parts that move, kept from frame to frame by strategies that merge kd-trees.
 
 use std::sync::Arc;
 
@@ -7,21 +7,22 @@ use kd_core::{BoundsOnly, Mesh, Tree};
 use kd_merge::MergeError;
 use kd_sah::{BuildOptions, build};
 
-use super::grove::Key;
 use super::part::Part;
+use super::part_group::PartVersion;
 
-/// The kd-tree of a part, and what it can be made from again once the part has moved on.
+/// The kd-tree of a part, with a tree at rest that later frames can move.
 #[derive(Clone, Debug)]
 pub(super) struct MovingTree {
-    pub(super) key: Key,
+    pub(super) version: PartVersion,
     pub(super) tree: Arc<Tree>,
     mesh: Arc<Mesh>,
     course: Course,
-    /// The tree at rest.
+    /// The tree before `course.motion`, where the part was found to move on its course.
     at_rest: Option<Arc<Tree>>,
 }
 
-/// A transform in two steps: first what a tree does not survive, then what it can be [moved](Tree::moved) by.
+/// A transform in two steps: `to_rest`, which needs a new tree, then `motion`, by which a tree can be
+/// [moved](Tree::moved).
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Course {
     to_rest: Affine3A,
@@ -29,7 +30,7 @@ struct Course {
 }
 
 impl Course {
-    /// Both steps round as the transform does in one, since it adds its translation last.
+    /// The two steps round as the whole transform does, since it adds its translation last.
     fn of(transform: &Affine3A) -> Self {
         if Tree::can_be_moved(transform) {
             return Self {
@@ -51,12 +52,12 @@ impl Course {
 }
 
 impl MovingTree {
-    /// The tree of a part whose triangles are in `placed`, and whether the one from before was moved there.
+    /// The tree of a part whose triangles are at `placed`, and whether the tree at rest was moved there.
     ///
-    /// A part that only moves along its course, from the last frame to this one, gets a tree that can be moved: over boxes, so
-    /// that it need not be built again in the frames to come.
+    /// A part that has moved on its course since the last frame gets a tree at rest, over the boxes of its triangles, which later
+    /// frames move instead of building.
     pub(super) fn new(
-        key: Key,
+        version: PartVersion,
         part: &Part,
         placed: &Mesh,
         before: Option<&Self>,
@@ -73,7 +74,7 @@ impl MovingTree {
             (Some(known), _) => Some(known),
             (None, None) => None,
             (None, Some(_)) => {
-                // What is finite where it is to be moved to is finite at rest.
+                // Positions that are finite after the motion are finite before it.
                 let mesh = part.mesh.transformed(&course.to_rest);
                 let mesh = mesh.ok();
                 let tree = mesh
@@ -87,7 +88,7 @@ impl MovingTree {
             None => build(placed, options)?,
         };
         let tree = Self {
-            key,
+            version,
             tree: Arc::new(tree),
             mesh: Arc::clone(&part.mesh),
             course,

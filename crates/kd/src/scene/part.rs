@@ -1,34 +1,124 @@
 //! A part of a scene.
 
+use std::cmp;
 use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::num::NonZeroU32;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Affine3A;
 use kd_core::Mesh;
 
-use super::grove::Key;
+use super::part_group::PartVersion;
 
-/// A part of a [`Scene`](crate::Scene). No two parts of a scene have the same id, not even after one was removed; the one that
-/// was added first is the lower.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct PartId(pub(super) u32);
+/// The name of a part of a [`Scene`](crate::Scene). An id is never given to another part of the same scene, not even after the
+/// part was removed. Ids are ordered as their parts were added.
+///
+/// An id knows its scene: every other scene and its frames report it as
+/// [`NoSuchPart`](crate::scene::SceneError::NoSuchPart). Only such look-ups use that knowledge. `==`, the order, hashes and both
+/// text forms compare the number of the part alone, so that they are the same in every run of a program; ids of two scenes may
+/// therefore be equal.
+#[derive(Clone, Copy)]
+pub struct PartId {
+    number: u32,
+    scene: SceneNumber,
+}
 
-impl fmt::Display for PartId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "part {}", self.0)
+/// The number of a scene in this process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct SceneNumber(NonZeroU32);
+
+impl SceneNumber {
+    /// The number of no scene.
+    #[cfg(feature = "serde")]
+    const NONE: Self = Self(NonZeroU32::MAX);
+
+    /// A number that no other scene of the process has; numbers repeat after about 2³² scenes.
+    pub(super) fn next() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        // 1 to u32::MAX - 1.
+        let number = NonZeroU32::MIN.saturating_add(count % (u32::MAX - 1));
+        Self(number)
     }
 }
 
-/// What a part was added as.
+impl PartId {
+    pub(super) fn new(number: u32, scene: SceneNumber) -> Self {
+        Self { number, scene }
+    }
+
+    pub(super) fn scene(self) -> SceneNumber {
+        self.scene
+    }
+}
+
+/// The number of the part.
+#[cfg(feature = "serde")]
+impl serde::Serialize for PartId {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.number.serialize(serializer)
+    }
+}
+
+/// An id that no scene has: equal to the one that was serialized, to compare and to print.
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for PartId {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let number = u32::deserialize(deserializer)?;
+        Ok(Self::new(number, SceneNumber::NONE))
+    }
+}
+
+impl PartialEq for PartId {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+    }
+}
+
+impl Eq for PartId {}
+
+impl PartialOrd for PartId {
+    fn partial_cmp(&self, other: &Self) -> Option<cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for PartId {
+    fn cmp(&self, other: &Self) -> cmp::Ordering {
+        self.number.cmp(&other.number)
+    }
+}
+
+impl Hash for PartId {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.number.hash(state);
+    }
+}
+
+impl fmt::Debug for PartId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("PartId").field(&self.number).finish()
+    }
+}
+
+impl fmt::Display for PartId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "part {}", self.number)
+    }
+}
+
+/// How a part was added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Static,
     Dynamic,
-    /// Of this part.
+    /// Shares the mesh of this part.
     Instance(PartId),
 }
 
-/// A mesh, where it is, and what was made of it.
+/// A mesh, its transform, and the versions of its nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) id: PartId,
@@ -36,17 +126,18 @@ pub(super) struct Part {
     /// Before the transform.
     pub(super) mesh: Arc<Mesh>,
     pub(super) transform: Affine3A,
-    /// Whether it was made an instance of, so that others may have to change with it.
+    /// Whether instances were added of it, which change with its mesh.
     pub(super) has_instances: bool,
-    /// Whether the mesh or the transform is another one than at the last commit.
+    /// Whether its mesh or transform has changed since the last commit.
     pub(super) is_changed: bool,
-    /// The number of its first triangle.
+    /// The slot of its first triangle.
     pub(super) first_slot: u32,
-    /// The commits that made its nodes, and that put its triangles where they are.
+    /// The commit that built its nodes.
     pub(super) built: u64,
+    /// The commit that moved its triangles to where they are.
     pub(super) moved: u64,
-    /// What the nodes cost when they were made ([`WideForest::cost`](kd_trace::WideForest::cost)), if the transform scaled no
-    /// lengths.
+    /// The SAH cost of its nodes when they were built ([`WideForest::cost`](kd_trace::WideForest::cost)), for a transform that
+    /// scales no lengths.
     pub(super) cost: f64,
 }
 
@@ -72,15 +163,15 @@ impl Part {
         }
     }
 
-    /// How much the transform scales areas.
+    /// The factor by which the transform scales areas, on average.
     pub(super) fn area_scale(&self) -> f64 {
         let volume = f64::from(self.transform.matrix3.determinant().abs());
         volume.powf(2.0 / 3.0)
     }
 
-    /// Which nodes it has.
-    pub(super) fn key(&self) -> Key {
-        Key {
+    /// Which nodes it has, and where its triangles are.
+    pub(super) fn version(&self) -> PartVersion {
+        PartVersion {
             part: self.id,
             built: self.built,
             moved: self.moved,

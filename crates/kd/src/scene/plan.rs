@@ -1,4 +1,4 @@
-//! What a commit is going to do, and everything in it that can fail.
+//! The first half of a commit: plans it, with every step that can fail.
 
 use std::sync::Arc;
 
@@ -8,68 +8,71 @@ use kd_sah::BuildOptions;
 use kd_trace::WideTree;
 
 use super::frame::{FrameData, Shape};
-use super::grove::Key;
 use super::merged::{MergedPart, MergedTrees};
 use super::moving::MovingTree;
 use super::part::{Part, Role};
-use super::report::{Action, Reason};
+use super::part_group::PartVersion;
+use super::report::{CommitAction, CommitReason};
 use super::{CommitError, MergeMethod, Scene, Strategy};
-use crate::traced::Traced;
+use crate::layout::{FrameLayout, LayoutPolicy, TreeLayout};
 
-/// What a commit is going to do.
+/// What a commit will do.
 pub(super) enum Plan {
-    /// With each part, in the order of their ids.
+    /// What to do with each part, in the order of their ids.
     Parts(Vec<PartPlan>),
-    /// Everything is in one tree.
-    Whole(Vec<Arc<Mesh>>, Box<Traced>),
-    /// Everything is in one kd-tree, put together from those of parts.
+    /// The meshes of all parts, and one tree over their concatenation.
+    Whole(Vec<Arc<Mesh>>, Box<TreeLayout>),
+    /// One kd-tree, merged from those of the parts.
     Merged(MergePlan),
 }
 
-/// A kd-tree that was merged.
+/// A merged kd-tree with what later commits reuse of it.
 pub(super) struct MergePlan {
     pub(super) meshes: Vec<Arc<Mesh>>,
     pub(super) trees: Box<MergedTrees>,
-    /// Those of the parts that move, for the next time.
+    /// The kd-trees of the parts that are not static, for the next commit.
     pub(super) moving: Vec<MovingTree>,
     pub(super) merged: Option<Merged>,
-    pub(super) done: Vec<Option<(Action, Reason)>>,
+    pub(super) done: Vec<Option<(CommitAction, CommitReason)>>,
 }
 
-/// What is to be done with a part.
+/// What a commit will do with a part.
 pub(super) struct PartPlan {
     /// Where its triangles are.
     pub(super) mesh: Arc<Mesh>,
     pub(super) nodes: Nodes,
-    /// What to say about it; nothing if it stays as it is.
-    pub(super) done: Option<(Action, Reason)>,
+    /// What the report says; `None` for a part that does not change.
+    pub(super) done: Option<(CommitAction, CommitReason)>,
 }
 
 /// Where a part's nodes come from.
 pub(super) enum Nodes {
     /// The frame before.
     Kept,
-    /// They have just been built.
+    /// A tree that was just built.
     New(WideTree),
-    /// The part of that place in the scene, which has the same mesh.
+    /// The part at that index in the scene, which has the same mesh.
     Shared(usize),
 }
 
 impl Scene {
     pub(super) fn plan(&mut self) -> Result<Plan, CommitError> {
+        let policy = LayoutPolicy::new(&self.options);
+        let frames = policy.frames_of(&self.strategy);
+        let frames = frames.ok_or_else(|| CommitError::Layout {
+            strategy: self.strategy.clone(),
+        })?;
         let meshes = self.each_part(|_, part| self.placed(part))?;
-        if let Strategy::Merge(method) = self.strategy
-            && method != MergeMethod::Guided
-        {
+        if let FrameLayout::MergedTrees(method) = frames {
             return self.plan_merge(method, meshes).map(Plan::Merged);
         }
-        if let Strategy::Rebuild(options) = &self.strategy {
+        if let FrameLayout::OneMesh(options) = frames {
             let all = Mesh::concatenated(meshes.iter().map(|mesh| &**mesh));
             let mesh = all.expect("parts have no more triangles than one mesh may have");
             let tree = kd_sah::build(&mesh, options);
             let tree = tree.map_err(|error| CommitError::Rebuild { error })?;
-            let traced = Traced::of_options(&tree, &mesh, options);
-            return Ok(Plan::Whole(meshes, Box::new(traced)));
+            let layout = LayoutPolicy::new(options).lay_out(&tree, &mesh);
+            return Ok(Plan::Whole(meshes, Box::new(layout)));
         }
         let plans = self.each_part(|place, part| {
             let mesh = &meshes[place];
@@ -83,7 +86,7 @@ impl Scene {
         plans.map(Plan::Parts)
     }
 
-    /// Merges kd-trees, apart from the frame before.
+    /// Merges kd-trees, in memory that the frame before does not share.
     fn plan_merge(
         &mut self,
         method: MergeMethod,
@@ -96,46 +99,47 @@ impl Scene {
         let pairs = self.parts.iter().zip(&meshes);
         let parts: Vec<MergedPart<'_>> = pairs
             .map(|(part, mesh)| MergedPart {
-                key: self.key_of_kd_tree(part),
+                version: self.version_of_kd_tree(part),
                 mesh,
-                is_still: part.role == Role::Static,
+                is_static: part.role == Role::Static,
             })
             .collect();
         let mut trees = match self.spare_trees(&parts) {
             Some(trees) => trees,
             None => {
                 let trees = self.each_part(|place, part| {
-                    let is_still = part.role == Role::Static;
                     let mesh = &*meshes[place];
-                    is_still
+                    (part.role == Role::Static)
                         .then(|| self.build_kd(part, mesh, &self.options))
                         .transpose()
                 })?;
                 for (done, tree) in done.iter_mut().zip(&trees) {
-                    *done = tree.as_ref().map(|_| (Action::Built, Reason::New));
+                    *done = tree
+                        .as_ref()
+                        .map(|_| (CommitAction::Built, CommitReason::New));
                 }
                 let trees: Vec<Tree> = trees.into_iter().flatten().collect();
                 let mut all = Box::<MergedTrees>::default();
-                all.set_still(&parts, &trees, end, &merge_options)
+                all.set_static(&parts, &trees, end, &merge_options)
                     .map_err(fail)?;
                 all
             }
         };
-        // Triangles that are inserted one by one need no tree of their own, where there is one to insert them into.
-        let inserts = method == MergeMethod::Insertion && trees.has_still_tree();
+        // Triangles that are inserted one by one into the static tree need no tree of their own.
+        let inserts = method == MergeMethod::Insertion && trees.has_static_tree();
         let fast = BuildOptions::fast().with_threads(self.options.threads());
         let moving = self.each_part(|place, part| {
             if part.role == Role::Static || inserts {
                 return Ok(None);
             }
-            let key = parts[place].key;
+            let version = parts[place].version;
             let known = &self.moving_trees;
-            let known = known.binary_search_by_key(&key.part, |known| known.key.part);
+            let known = known.binary_search_by_key(&version.part, |known| known.version.part);
             let known = known.ok().map(|place| &self.moving_trees[place]);
-            if let Some(known) = known.filter(|known| known.key == key) {
+            if let Some(known) = known.filter(|known| known.version == version) {
                 return Ok(Some((known.clone(), None)));
             }
-            let made = MovingTree::new(key, part, &meshes[place], known, &fast);
+            let made = MovingTree::new(version, part, &meshes[place], known, &fast);
             let (tree, is_moved) = made.map_err(|error| match error {
                 MergeError::Build(error) => CommitError::Build {
                     part: part.id,
@@ -144,11 +148,11 @@ impl Scene {
                 error => CommitError::Merge { error },
             })?;
             let action = if is_moved {
-                Action::Moved
+                CommitAction::Moved
             } else {
-                Action::BuiltFast
+                CommitAction::BuiltFast
             };
-            Ok(Some((tree, Some((action, Reason::Strategy)))))
+            Ok(Some((tree, Some((action, CommitReason::Strategy)))))
         })?;
         for (done, tree) in done.iter_mut().zip(&moving) {
             if let Some((_, Some(action))) = tree {
@@ -158,7 +162,7 @@ impl Scene {
         if inserts {
             for (done, part) in done.iter_mut().zip(&self.parts) {
                 if part.role != Role::Static && part.is_changed {
-                    *done = Some((Action::Inserted, Reason::Strategy));
+                    *done = Some((CommitAction::Inserted, CommitReason::Strategy));
                 }
             }
         }
@@ -182,20 +186,20 @@ impl Scene {
         options.with_parallel(self.is_parallel())
     }
 
-    /// Where the kd-tree of a part is made for, as it will be after this commit.
-    fn key_of_kd_tree(&self, part: &Part) -> Key {
-        Key {
+    /// The version that the kd-tree of a part has after this commit.
+    fn version_of_kd_tree(&self, part: &Part) -> PartVersion {
+        PartVersion {
             built: 0,
             moved: if part.is_changed {
                 self.commits + 1
             } else {
                 part.moved
             },
-            ..part.key()
+            ..part.version()
         }
     }
 
-    /// Trees of what stands still, that no frame needs, or a copy of those of the frame.
+    /// The trees of the static parts: those of a frame without snapshots, or a copy of those of the front frame.
     fn spare_trees(&mut self, parts: &[MergedPart<'_>]) -> Option<Box<MergedTrees>> {
         let back = self.back.take().and_then(|back| Arc::try_unwrap(back).ok());
         let back = match back.map(|back| back.shape) {
@@ -207,8 +211,8 @@ impl Scene {
             _ => None,
         };
         let end = self.next_slot;
-        let spare = back.filter(|trees| trees.has_still(parts, end));
-        spare.or_else(|| front.filter(|trees| trees.has_still(parts, end)).cloned())
+        let spare = back.filter(|trees| trees.has_static(parts, end));
+        spare.or_else(|| front.filter(|trees| trees.has_static(parts, end)).cloned())
     }
 
     fn build_kd(
@@ -223,7 +227,7 @@ impl Scene {
         })
     }
 
-    /// Calls a function with every part, on the threads that the scene may use.
+    /// Calls a function with the index of every part and the part, on the threads that the scene may use.
     fn each_part<T: Send>(
         &self,
         call: impl Fn(usize, &Part) -> Result<T, CommitError> + Sync + Send,
@@ -233,18 +237,20 @@ impl Scene {
             use rayon::prelude::*;
             let parts = self.parts.par_iter().enumerate();
             let results: Vec<_> = parts.map(|(place, part)| call(place, part)).collect();
-            // The first error, whichever was there first.
+            // The error of the first part, not the error that occurred first.
             return results.into_iter().collect();
         }
         let parts = self.parts.iter().enumerate();
         parts.map(|(place, part)| call(place, part)).collect()
     }
 
-    /// A part's mesh where it is now.
+    /// A part's mesh after its transform.
     fn placed(&self, part: &Part) -> Result<Arc<Mesh>, CommitError> {
         if !part.is_changed {
             let mesh = self.front.mesh(part.id);
-            return Ok(Arc::clone(mesh.expect("was in the last frame")));
+            return Ok(Arc::clone(
+                mesh.expect("a part that has not changed is in the last frame"),
+            ));
         }
         if part.transform == glam::Affine3A::IDENTITY {
             return Ok(Arc::clone(&part.mesh));
@@ -260,29 +266,32 @@ impl Scene {
         &self,
         part: &Part,
         mesh: &Mesh,
-    ) -> Result<(Nodes, Option<(Action, Reason)>), CommitError> {
-        let is_here = self.front.has_nodes(&part.key());
+    ) -> Result<(Nodes, Option<(CommitAction, CommitReason)>), CommitError> {
+        let is_here = self.front.has_nodes(&part.version());
         if is_here && !part.is_changed {
             return Ok((Nodes::Kept, None));
         }
         if is_here && self.refits(part) {
-            return Ok((Nodes::Kept, Some((Action::Refitted, Reason::Strategy))));
+            return Ok((
+                Nodes::Kept,
+                Some((CommitAction::Refitted, CommitReason::Strategy)),
+            ));
         }
         let reason = if is_here {
-            Reason::Strategy
+            CommitReason::Strategy
         } else {
-            Reason::New
+            CommitReason::New
         };
         if let (false, Some(original)) = (is_here, self.shares_with(part)) {
-            let done = (Action::Refitted, reason);
+            let done = (CommitAction::Refitted, reason);
             return Ok((Nodes::Shared(original), Some(done)));
         }
         let (nodes, action) = self.build(part, mesh)?;
         Ok((nodes, Some((action, reason))))
     }
 
-    /// Whether a part that has changed keeps its nodes, for now at least: whether that is good enough is known only when it
-    /// is done.
+    /// Whether the nodes of a part that has changed are refitted first; [`Strategy::Auto`] may rebuild the part once the
+    /// refitted boxes are known.
     fn refits(&self, part: &Part) -> bool {
         match self.strategy {
             Strategy::Refit | Strategy::Instances => true,
@@ -291,25 +300,21 @@ impl Scene {
         }
     }
 
-    fn build(&self, part: &Part, mesh: &Mesh) -> Result<(Nodes, Action), CommitError> {
+    fn build(&self, part: &Part, mesh: &Mesh) -> Result<(Nodes, CommitAction), CommitError> {
         if part.role != Role::Static {
-            return Ok((Nodes::New(self.build_fast(mesh)), Action::BuiltFast));
+            return Ok((Nodes::New(self.build_fast(mesh)), CommitAction::BuiltFast));
         }
         let tree = self.build_kd(part, mesh, &self.options)?;
-        let tree = WideTree::best(&tree, mesh, self.is_parallel());
-        Ok((Nodes::New(tree), Action::Built))
+        let tree = LayoutPolicy::new(&self.options).wide_tree(&tree, mesh);
+        Ok((Nodes::New(tree), CommitAction::Built))
     }
 
-    /// A tree that is good enough for some frames.
+    /// Wide nodes that are fast to build.
     pub(super) fn build_fast(&self, mesh: &Mesh) -> WideTree {
-        #[cfg(feature = "parallel")]
-        if self.is_parallel() {
-            return WideTree::from_objects_parallel(mesh);
-        }
-        WideTree::from_objects(mesh)
+        LayoutPolicy::new(&self.options).wide_tree_of_objects(mesh)
     }
 
-    /// The place of the part that an instance was made from, if they have the same mesh.
+    /// The index of the part that an instance was made from, if they have the same mesh.
     fn shares_with(&self, part: &Part) -> Option<usize> {
         let Role::Instance(original) = part.role else {
             return None;
@@ -320,10 +325,12 @@ impl Scene {
 }
 
 impl FrameData {
-    /// Whether it has nodes of a part, wherever its triangles were.
-    fn has_nodes(&self, key: &Key) -> bool {
+    /// Whether the frame has nodes of a part; its triangles may have been elsewhere.
+    fn has_nodes(&self, version: &PartVersion) -> bool {
         match &self.shape {
-            Shape::Groves(groves) => groves.iter().any(|grove| grove.position(key).is_some()),
+            Shape::PartGroups(groups) => {
+                groups.iter().any(|group| group.position(version).is_some())
+            }
             Shape::Whole(_) | Shape::Merged(_) => false,
         }
     }

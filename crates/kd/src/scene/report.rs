@@ -2,79 +2,82 @@
 
 use std::fmt;
 
-use kd_core::TracedBytes;
+use kd_core::LayoutBytes;
 
 use super::{PartId, Strategy};
 
 /// What a commit has done, and why.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct CommitReport {
-    /// What was asked for.
+    /// The scene's strategy.
     pub strategy: Strategy,
-    /// Parts and triangles of the frame.
+    /// Number of parts in the frame.
     pub parts: usize,
     /// Triangles of all parts.
     pub triangles: usize,
-    /// The parts that have changed, or had to be made for another reason. Other parts were not touched.
+    /// The parts that were built, refitted or moved. Other parts are unchanged.
     pub changes: Vec<PartChange>,
     /// Nodes that join the parts.
     pub top_nodes: usize,
-    /// Subtrees of parts that those refer to, shared with the frame before where the part has not changed.
+    /// Subtrees of parts that these nodes refer to, shared with the frame before where the part has not changed.
     pub links: usize,
-    /// Nodes of parts that are not traced, since what is below them was joined with what it overlaps with.
+    /// Nodes of parts that rays skip, since their children were joined with those of parts that overlap.
     pub opened: usize,
-    /// Bytes that rays of this frame may read.
-    pub bytes: TracedBytes,
+    /// Bytes of the frame's layout.
+    pub bytes: LayoutBytes,
 }
 
-/// What was done with a part.
+/// What a commit has done with one part.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct PartChange {
     /// The part.
     pub part: PartId,
-    /// How many triangles it has.
+    /// Number of its triangles.
     pub triangles: usize,
     /// What was done.
-    pub action: Action,
-    /// Why that.
-    pub reason: Reason,
+    pub action: CommitAction,
+    /// Why it was done.
+    pub reason: CommitReason,
 }
 
-/// What can be done with a part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a commit can do with a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
-pub enum Action {
+pub enum CommitAction {
     /// Built with the options of the scene.
     Built,
     /// Built with a fast builder.
     BuiltFast,
-    /// Boxes were fitted to where its triangles are.
+    /// Its boxes were refitted to its triangles.
     Refitted,
-    /// Its kd-tree was moved, since it only moved on along its course: translated, or scaled along the axes.
+    /// Its kd-tree was translated, or scaled along the axes, as the part was.
     Moved,
-    /// Sent down the kd-tree of what stands still, triangle by triangle.
+    /// Its triangles were inserted one by one into the kd-tree of the static parts.
     Inserted,
-    /// Built anew together with all others.
+    /// Built in one tree with all other parts.
     BuiltWithAll,
 }
 
-/// Why something was done.
+/// Why a commit did something with a part.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
-pub enum Reason {
-    /// There was nothing of it that this strategy could use.
+pub enum CommitReason {
+    /// The frame before had no nodes of the part that this strategy could use.
     New,
-    /// The strategy does so with whatever has changed.
+    /// The strategy does so with every part that has changed.
     Strategy,
-    /// What the rays of a frame lose to boxes that no longer fit, in nanoseconds by [`Strategy::Auto`]'s reckoning, is more
-    /// or less than what it takes to build the part anew.
-    Reckoned {
-        /// What rays lose.
-        rays_lose_ns: f64,
-        /// What building takes, over refitting.
-        building_takes_ns: f64,
+    /// [`Strategy::Auto`] compared the time that the rays of a frame lose to boxes that no longer fit with the time of a build.
+    Estimate {
+        /// Time that rays lose, in nanoseconds.
+        ray_loss_ns: f64,
+        /// Time by which building exceeds refitting, in nanoseconds.
+        build_ns: f64,
     },
 }
 
@@ -95,25 +98,25 @@ impl fmt::Display for CommitReport {
 impl fmt::Display for PartChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let done = match self.action {
-            Action::Built => "built",
-            Action::BuiltFast => "built fast",
-            Action::Refitted => "refitted",
-            Action::Moved => "moved with its tree",
-            Action::Inserted => "inserted",
-            Action::BuiltWithAll => "built with all others",
+            CommitAction::Built => "built",
+            CommitAction::BuiltFast => "built fast",
+            CommitAction::Refitted => "refitted",
+            CommitAction::Moved => "moved with its tree",
+            CommitAction::Inserted => "inserted",
+            CommitAction::BuiltWithAll => "built with all others",
         };
         write!(f, "{}, {} triangles: {done}, ", self.part, self.triangles)?;
         match &self.reason {
-            Reason::New => f.write_str("new"),
-            Reason::Strategy => f.write_str("as the strategy says"),
-            Reason::Reckoned {
-                rays_lose_ns,
-                building_takes_ns,
+            CommitReason::New => f.write_str("new"),
+            CommitReason::Strategy => f.write_str("by the strategy"),
+            CommitReason::Estimate {
+                ray_loss_ns,
+                build_ns,
             } => write!(
                 f,
-                "rays lose {:.3} ms and building takes {:.3} ms",
-                rays_lose_ns * 1e-6,
-                building_takes_ns * 1e-6
+                "rays lose {:.3} ms, a build takes {:.3} ms",
+                ray_loss_ns * 1e-6,
+                build_ns * 1e-6
             ),
         }
     }

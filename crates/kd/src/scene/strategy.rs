@@ -2,46 +2,49 @@
 
 use kd_sah::BuildOptions;
 
-/// How a commit makes a frame of what moves and what stands still. Hits do not depend on it; times do.
+/// How a commit makes a frame of the parts of a scene. Hits do not depend on it; times and the [layout](crate::layout) of the
+/// frame do.
 #[derive(Clone, Debug, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Strategy {
-    /// For each part that has changed, the cheaper of [`Refit`](Self::Refit) and [`Merge`](Self::Merge), by what they cost to
-    /// make and by what the rays of a frame lose to boxes that no longer fit
-    /// ([`Scene::set_ray_budget`](crate::Scene::set_ray_budget)).
+    /// For each part that has changed, the cheaper of [`Refit`](Self::Refit) and [`Merge`](Self::Merge), by an estimate of the
+    /// time to make it and of the time that the rays of a frame lose to boxes that no longer fit
+    /// ([`Scene::set_ray_budget`](crate::Scene::set_ray_budget)). With [`Layout::Binary`](crate::Layout::Binary) in the scene's
+    /// options: [`MergeMethod::PartitionTrees`].
     #[default]
     Auto,
-    /// Parts that have changed are built anew, by a fast builder, and merged with what stands still.
+    /// Rebuilds parts that have changed with a fast builder, and merges them with the static parts.
     Merge(MergeMethod),
-    /// Parts that have changed keep their nodes, with boxes around where their triangles are now, and are merged with what
-    /// stands still. The fastest to make; slow to trace once triangles that were neighbours have parted.
+    /// Keeps the nodes of parts that have changed, refits their boxes to the triangles, and merges the parts with the static
+    /// ones. The fastest to make; slow to trace once triangles that were neighbours have moved apart.
     Refit,
-    /// As [`Refit`](Self::Refit), but parts stay whole: rays go through those whose boxes they meet one after the other.
-    /// What is called two-level elsewhere.
+    /// As [`Refit`](Self::Refit), but does not merge: rays traverse each part whose box they meet, one after the other. Known as
+    /// a two-level hierarchy elsewhere.
     Instances,
-    /// What stands still and what moves (built anew) are traced one after the other, each part whole as with
+    /// Rays traverse the static parts, then the others, which are rebuilt when they change; within each group as with
     /// [`Instances`](Self::Instances).
     Dual,
-    /// Everything is built anew as one mesh.
+    /// Builds all triangles as one mesh with these options.
     Rebuild(BuildOptions),
 }
 
 /// How parts are merged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum MergeMethod {
-    /// Nodes are opened only where parts overlap, down to the size of what they overlap with, and joined anew; everything
-    /// below is shared as it is.
+    /// Merges wide nodes: opens nodes only where parts overlap, down to the size of what they overlap with, and joins them;
+    /// everything below is shared, unchanged.
     #[default]
     Guided,
-    /// Planes are swept over the boxes of kd-trees, and trees that overlap are dissolved into their children (Eleftheriades
-    /// 2010, §3.4). As the two below it gives a kd-tree, which is traced as [`Layout::Binary`](kd_core::Layout::Binary):
-    /// slower than wide nodes, by whatever method it is merged. What stands still is kept twice, so that a merge that fails
-    /// leaves the frame before as it is.
+    /// Sweeps planes over the boxes of kd-trees, and dissolves trees that overlap into their children (Eleftheriades 2010,
+    /// §3.4). Like the two methods below it gives a kd-tree in [`Layout::Binary`](crate::Layout::Binary), which traces slower
+    /// than wide nodes. The scene keeps two copies of the static trees, so that a merge that fails leaves the frame before
+    /// unchanged.
     PartitionTrees,
-    /// The kd-trees of what moves are cut by the planes of the one that stands still (§3.3).
+    /// Cuts the kd-trees of moving parts by the planes of the static tree (§3.3).
     BspMerge,
-    /// The triangles of what moves are sent down the planes of what stands still, and leaves that become too large are
-    /// divided again (§3.5).
+    /// Sends the triangles of moving parts down the planes of the static tree, and divides leaves that become too large (§3.5).
     Insertion,
 }

@@ -1,28 +1,27 @@
-//! A mesh with a tree that is built where rays go.
+//! A kd-tree that is built where rays enter it.
 
 use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Mesh, Ray};
 use kd_sah::{BuildError, BuildOptions, LazyNode, Opened};
-use kd_trace::PackedTree;
 use kd_trace::lazy::{self, Entered, LazyCells};
+use kd_trace::{PackedTree, RayQuery};
 
 use crate::KdTree;
 
-/// A kd-tree that is built as rays ask for it: a cell is divided when a ray first enters it (Hunt, Mark, Fussell 2007).
+/// A kd-tree that is built as rays enter it: a cell is divided when a ray first enters it (Hunt, Mark, Fussell 2007).
 ///
-/// Every query gives exactly what the same query on a [`KdTree`] gives, and so what testing all triangles would give.
-/// Queries take `&self` and may run on any number of threads; where several enter a cell at once, one divides it and
-/// the others wait.
+/// Every query returns exactly what the same query of a [`KdTree`] returns, and so what a test of all triangles returns. Queries
+/// take `&self` and may run on any number of threads; where several enter a cell at once, one divides it and the others wait.
 ///
-/// It is good where few rays see little of a large mesh: picking, a handful of lines of sight, a view into one room of
-/// a building. It is not for pictures that show most of the scene, where all of the work comes back and is done less
-/// well: a ray divides cells on its own thread and waits for that, several threads never divide one cell together, and
-/// rays pass through the cells above some size one call and one pointer at a time. Use a [`KdTree`] there, from the
-/// start or by [`finish`](Self::finish). How many rays make the difference has not been measured yet.
+/// It pays where few rays see little of a large mesh: picking, a few lines of sight, a view into one room of a building. It does
+/// not pay where rays see most of the mesh: a ray divides cells on its own thread and waits for that, threads never divide one
+/// cell together, and above some size each cell costs a ray a call and a pointer. Use a [`KdTree`] there, from the start or by
+/// [`finish`](Self::finish). [`Accel::auto`](crate::Accel::auto) compares both by the expected number of rays.
 ///
-/// Until it is finished there are no nodes, no statistics and no file. Triangles, and parts of them, in cells that
-/// nobody has entered take 32 bytes each.
+/// Cells are always in [`Layout::Binary`](crate::Layout::Binary); the layout in the options applies to
+/// [`finish`](Self::finish). Until then there are no nodes, no statistics and no file. References in cells that no ray has entered
+/// take 32 bytes each.
 ///
 /// ```
 /// use kd::{BuildOptions, LazyTree, Mesh, Ray};
@@ -41,11 +40,11 @@ use crate::KdTree;
 /// assert_eq!(hit.triangle, 500);
 /// let after_one = tree.opened();
 ///
-/// // The far end of the row was not looked at, until now.
+/// // The far end of the row is divided only now.
 /// assert!(tree.occluded(&Ray::new([19_000.1, 0.1, 3.0], [0.0, 0.0, -1.0])));
 /// assert!(tree.opened() > after_one);
 ///
-/// // All of it, to keep.
+/// // The tree of the whole mesh.
 /// let tree = tree.finish()?;
 /// println!("{}", tree.stats());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -56,14 +55,15 @@ pub struct LazyTree {
 }
 
 impl LazyTree {
-    /// Takes one look at each triangle and divides nothing. The first ray divides the cell of everything.
+    /// Computes the box of each triangle and divides nothing. The first ray divides the root cell.
     ///
-    /// Planes are chosen as [`KdTree::build`] would choose them with the same options, of which
-    /// [`with_threads`](BuildOptions::with_threads) matters to [`finish`](Self::finish) only.
+    /// Planes are chosen as by [`KdTree::build`] with the same options;
+    /// [`with_threads`](BuildOptions::with_threads) and [`with_layout`](BuildOptions::with_layout) apply to
+    /// [`finish`](Self::finish) only.
     ///
     /// # Errors
     ///
-    /// [`BuildError`] names an option that makes no sense.
+    /// [`BuildError`] names the option that is out of range.
     pub fn new(mesh: impl Into<Arc<Mesh>>, options: &BuildOptions) -> Result<Self, BuildError> {
         let mesh = mesh.into();
         let root = LazyNode::root(&*mesh, options)?;
@@ -92,43 +92,36 @@ impl LazyTree {
         lazy::hits(&self.cells, ray, max, out);
     }
 
-    /// The closest hit of each ray, equal to single calls. Today it is a loop over them.
+    /// The closest hit of each ray: a loop over single calls.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.intersect(ray);
-        }
+        RayQuery::intersect_batch(self, rays, hits);
     }
 
-    /// Whether each ray hits anything, equal to single calls. Today it is a loop over them.
+    /// Whether each ray hits anything: a loop over single calls.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.occluded(ray);
-        }
+        RayQuery::occluded_batch(self, rays, occluded);
     }
 
-    /// How many cells have been entered so far, and so divided in two or built to the end. Linear in that number.
+    /// How many cells rays have entered, each divided in two or built to its leaves. Linear in that number.
     pub fn opened(&self) -> usize {
         opened_below(&self.cells.root)
     }
 
-    /// The mesh it is over.
+    /// The mesh that the tree is over.
     pub fn mesh(&self) -> &Mesh {
         &self.cells.mesh
     }
 
-    /// The tree of the whole mesh: [`KdTree::build`] with the same mesh and options, which starts anew and on as many
-    /// threads as they say. Nothing of what rays have divided is used, so that the result is the same whatever they
-    /// did.
+    /// The tree of the whole mesh: [`KdTree::build`] with the same mesh and options. The build starts from the mesh, uses nothing
+    /// that rays have divided, and so gives the same tree after any rays.
     ///
     /// # Errors
     ///
@@ -144,7 +137,23 @@ impl LazyTree {
     }
 }
 
-/// The cells, with what it takes to divide them.
+impl RayQuery for LazyTree {
+    type Hit = Hit;
+
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.intersect(ray)
+    }
+
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        self.hits(ray, max, out);
+    }
+}
+
+/// The cells, with the mesh and the options to divide them.
 #[derive(Debug)]
 struct Cells {
     mesh: Arc<Mesh>,
