@@ -75,10 +75,14 @@ fn builders() -> Vec<(&'static str, BuildOptions)> {
     ]
 }
 
-/// Every builder in both layouts.
+/// Every builder in both layouts; in the wide one only once for a mesh in which all builders have the same wide nodes.
 fn trees_over(mesh: &Arc<Mesh>) -> impl Iterator<Item = (String, KdTree)> {
-    builders().into_iter().flat_map(|(builder, options)| {
-        [Layout::Binary, Layout::Wide].map(|layout| {
+    let has_planes = mesh.len() > PLANES_ABOVE;
+    builders().into_iter().flat_map(move |(builder, options)| {
+        let layouts = [Layout::Binary, Layout::Wide]
+            .into_iter()
+            .filter(move |layout| *layout == Layout::Binary || has_planes || builder == "balanced");
+        layouts.map(move |layout| {
             let options = options.clone().with_layout(layout);
             let tree = KdTree::build(Arc::clone(mesh), &options).expect("valid options");
             (format!("{builder}, {layout:?}"), tree)
@@ -102,12 +106,16 @@ fn large_scenes_have_wide_nodes_of_planes() {
             WideTree::new(tree.tree(), &mesh)
         };
         let objects = WideTree::from_objects(&mesh);
-        let median = wide(&BuildOptions::balanced().with_method(Method::Median));
-        let best = wide(&BuildOptions::best());
         let name = format!("{} {size}, {} triangles", scene.name(), mesh.len());
         if mesh.len() <= PLANES_ABOVE {
-            assert!(median == objects && best == objects, "{name}");
-        } else if median != best && median != objects && best != objects {
+            for (builder, options) in builders() {
+                assert!(wide(&options) == objects, "{name} by {builder}");
+            }
+            continue;
+        }
+        let median = wide(&BuildOptions::balanced().with_method(Method::Median));
+        let best = wide(&BuildOptions::best());
+        if median != best && median != objects && best != objects {
             large += 1;
         }
     }
@@ -217,12 +225,15 @@ fn check(tree: &KdTree, rays: &[Ray], expected: &[Option<Hit>], what: &str) {
     tree.intersect_batch(rays, &mut hits);
     let mut occluded = vec![false; rays.len()];
     tree.occluded_batch(rays, &mut occluded);
-    for ((ray, expected), (hit, occluded)) in
-        rays.iter().zip(expected).zip(hits.iter().zip(occluded))
+    let answers = hits.iter().zip(occluded);
+    for (i, ((ray, expected), (hit, occluded))) in
+        rays.iter().zip(expected).zip(answers).enumerate()
     {
         assert_eq!(hit, expected, "{what}: closest hit of {ray:?}");
         assert_eq!(occluded, expected.is_some(), "{what}: any hit of {ray:?}");
-        if let Some(hit) = hit {
+        if let Some(hit) = hit
+            && i % 4 == 0
+        {
             // A range that ends at the hit contains it, and one that ends just before it contains none.
             let until = ray.with_range(ray.t_min, hit.t);
             assert_eq!(tree.intersect(&until), Some(*hit), "{what}: {until:?}");
