@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use glam::Vec4;
 use kd_core::{Aabb, Axis};
+use kd_simd::{F32x8, LANES, Level, Simd, Task};
 
 use crate::CHUNK;
 use crate::cell::Cell;
@@ -95,6 +96,17 @@ impl AxisGrid {
         let at = if at > 0.0 { at } else { 0.0 };
         let at = if at < self.last { at } else { self.last };
         at + Self::INTEGERS
+    }
+
+    /// [`rounded`](Self::rounded) of eight positions.
+    #[inline(always)]
+    pub(crate) fn rounded_lanes<S: Simd>(&self, simd: S, positions: S::F32) -> S::F32 {
+        let grids = Lanes {
+            origin: simd.splat(self.origin),
+            scale: simd.splat(self.scale),
+            last: simd.splat(self.last),
+        };
+        grids.rounded(simd, positions)
     }
 
     /// What [`rounded`](Self::rounded) gives for positions in a bin.
@@ -241,62 +253,67 @@ pub(crate) struct Counting<'a> {
     grid: &'a Grid,
 }
 
-/// A way to find the bins of eight positions.
-pub(crate) trait FindBins: Copy {
-    /// What [`AxisGrid::bin`] gives for each.
-    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8];
+/// A grid for each of eight positions, of equally many bins.
+#[derive(Clone, Copy, Debug)]
+struct EightGrids {
+    origin: [f32; LANES],
+    scale: [f32; LANES],
+    last: f32,
 }
 
-/// Whatever the target has.
-#[derive(Clone, Copy)]
-struct Portable;
-
-impl FindBins for Portable {
+impl EightGrids {
+    /// The bin of each position, as [`AxisGrid::bin`] finds it.
     #[inline(always)]
-    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8] {
-        std::array::from_fn(|lane| {
-            let grid = AxisGrid {
-                origin: grids.origin[lane],
-                scale: grids.scale[lane],
-                last: grids.last,
-            };
-            grid.bin(positions[lane])
-        })
+    fn bins<S: Simd>(&self, simd: S, positions: &[f32; LANES]) -> [u8; LANES] {
+        let grids = Lanes {
+            origin: simd.load(&self.origin),
+            scale: simd.load(&self.scale),
+            last: simd.splat(self.last),
+        };
+        grids.rounded(simd, simd.load(positions)).low_bytes()
     }
 }
 
-/// A grid for each of eight positions, of equally many bins.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct EightGrids {
-    pub(crate) origin: [f32; 8],
-    pub(crate) scale: [f32; 8],
-    pub(crate) last: f32,
+/// A grid along an axis in each lane.
+struct Lanes<F> {
+    origin: F,
+    scale: F,
+    last: F,
+}
+
+impl<F: F32x8> Lanes<F> {
+    /// [`AxisGrid::rounded`] of each position, by the same operations in the same order.
+    #[inline(always)]
+    fn rounded<S: Simd<F32 = F>>(&self, simd: S, positions: F) -> F {
+        let at = (positions - self.origin) * self.scale - simd.splat(0.5);
+        let at = at.max(simd.splat(0.0)).min(self.last);
+        at + simd.splat(AxisGrid::INTEGERS)
+    }
 }
 
 impl Counting<'_> {
     /// Counts in tables of `ROOM` bins.
     fn count<const ROOM: usize>(&self, counts: &mut [u32]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.count::<ROOM>(self, counts);
-        }
-        self.count_by::<ROOM>(Portable, counts);
+        Level::detect().run(Count::<ROOM> {
+            counting: self,
+            counts,
+        });
     }
 
     #[inline(always)]
-    pub(crate) fn count_by<const ROOM: usize>(&self, find: impl FindBins, counts: &mut [u32]) {
+    fn count_by<const ROOM: usize, S: Simd>(&self, simd: S, counts: &mut [u32]) {
         match (self.axes, counts.as_chunks_mut::<ROOM>().0) {
-            (&[axis], [starts, ends]) => self.count_axis(find, axis, [starts, ends]),
-            (_, [a, b, c, d, e, f]) => self.count_all(find, [a, b, c, d, e, f]),
+            (&[axis], [starts, ends]) => self.count_axis(simd, axis, [starts, ends]),
+            (_, [a, b, c, d, e, f]) => self.count_all(simd, [a, b, c, d, e, f]),
             _ => unreachable!("planes are looked for across one axis or all of them"),
         }
     }
 
     /// Along one axis, both ends of four primitives at a time.
     #[inline(always)]
-    fn count_axis<const ROOM: usize>(
+    fn count_axis<const ROOM: usize, S: Simd>(
         &self,
-        find: impl FindBins,
+        simd: S,
         axis: Axis,
         [starts, ends]: [&mut [u32; ROOM]; 2],
     ) {
@@ -310,22 +327,22 @@ impl Counting<'_> {
         let rest = if self.step == 1 {
             let (fours, rest) = self.prims.as_chunks::<4>();
             for four in fours {
-                count_four::<ROOM, 4>(find, axis, &grids, four.each_ref(), &mut tables);
+                count_four::<ROOM, 4, S>(simd, axis, &grids, four.each_ref(), &mut tables);
             }
             rest
         } else {
             self.prims
         };
         for prim in rest.iter().step_by(self.step) {
-            count_four::<ROOM, 1>(find, axis, &grids, [prim; 4], &mut tables);
+            count_four::<ROOM, 1, S>(simd, axis, &grids, [prim; 4], &mut tables);
         }
     }
 
     /// Along all axes, all six ends of a primitive at a time.
     #[inline(always)]
-    fn count_all<const ROOM: usize>(
+    fn count_all<const ROOM: usize, S: Simd>(
         &self,
-        find: impl FindBins,
+        simd: S,
         [x_starts, x_ends, y_starts, y_ends, z_starts, z_ends]: [&mut [u32; ROOM]; 6],
     ) {
         let twice = |v: Vec4| bytemuck::cast([v.to_array(); 2]);
@@ -335,7 +352,7 @@ impl Counting<'_> {
             last: self.grid.last,
         };
         for prim in self.prims.iter().step_by(self.step) {
-            let bins = find.bins(&grids, prim.ends());
+            let bins = grids.bins(simd, prim.ends());
             let bins = bins.map(|bin| usize::from(bin) % ROOM);
             x_starts[bins[0]] += 1;
             y_starts[bins[1]] += 1;
@@ -347,10 +364,25 @@ impl Counting<'_> {
     }
 }
 
+/// Counts in tables of `ROOM` bins at some level.
+struct Count<'a, 'c, const ROOM: usize> {
+    counting: &'a Counting<'a>,
+    counts: &'c mut [u32],
+}
+
+impl<S: Simd, const ROOM: usize> Task<S> for Count<'_, '_, ROOM> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        self.counting.count_by::<ROOM, S>(simd, self.counts);
+    }
+}
+
 /// Counts the first `NUMBER` of four primitives.
 #[inline(always)]
-fn count_four<const ROOM: usize, const NUMBER: usize>(
-    find: impl FindBins,
+fn count_four<const ROOM: usize, const NUMBER: usize, S: Simd>(
+    simd: S,
     axis: Axis,
     grids: &EightGrids,
     four: [&Prim; 4],
@@ -358,7 +390,7 @@ fn count_four<const ROOM: usize, const NUMBER: usize>(
 ) {
     let [a, b, c, d] = four.map(|prim| prim.start(axis));
     let [e, f, g, h] = four.map(|prim| prim.end(axis));
-    let bins = find.bins(grids, &[a, b, c, d, e, f, g, h]);
+    let bins = grids.bins(simd, &[a, b, c, d, e, f, g, h]);
     for lane in 0..NUMBER {
         starts[usize::from(bins[lane]) % ROOM] += 1;
         ends[usize::from(bins[4 + lane]) % ROOM] += 1;
@@ -373,9 +405,9 @@ mod tests {
     use crate::prim::samples::boxes;
 
     proptest! {
-        /// What the processor has, and what every target has, against asking for the bin of each end.
+        /// The detected and the portable level equal a count one end at a time.
         #[test]
-        fn all_ways_count_the_same(
+        fn all_levels_count_the_same(
             boxes_at in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], [0_i8..8, 0_i8..8, 0_i8..8]), 1..40),
             step in 1_usize..4,
             bins in prop::sample::select(vec![2_usize, 7, 32, 33, 256]),
@@ -386,10 +418,11 @@ mod tests {
                 let counted = Bins::of(&prims, axes, &grid, step);
                 let mut portable = Bins { counts: vec![0; counted.counts.len()], ..counted.clone() };
                 let counting = Counting { prims: &prims, step, axes, grid: &grid };
+                let counts = &mut portable.counts[..];
                 if bins <= FEW_BINS {
-                    counting.count_by::<FEW_BINS>(Portable, &mut portable.counts);
+                    Level::portable().run(Count::<FEW_BINS> { counting: &counting, counts });
                 } else {
-                    counting.count_by::<MOST_BINS>(Portable, &mut portable.counts);
+                    Level::portable().run(Count::<MOST_BINS> { counting: &counting, counts });
                 }
                 prop_assert_eq!(&counted.counts, &portable.counts);
                 for &axis in axes {

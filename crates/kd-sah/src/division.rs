@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use kd_core::{Aabb, PrimSource};
+use kd_simd::{LANES, Level, Mask, Number, Simd, Task};
 use smallvec::SmallVec;
 
 use crate::CHUNK;
@@ -94,9 +95,6 @@ impl Divided {
 /// Primitives that are divided together: a bit for each fits into an integer.
 const BLOCK: usize = 64;
 
-/// Primitives that are held against a plane together.
-const LANES: usize = 8;
-
 /// A copy of some primitives, to be divided while what they are a copy of is overwritten.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
@@ -124,25 +122,21 @@ impl Block {
 /// A bit for each primitive of a block.
 type Bits = u64;
 
-/// A way to hold primitives against a plane.
-pub(crate) trait Compare: Copy {
-    /// A bit for each start below the position, and one for each end above it.
-    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8);
+/// [`Division::divide`] at some level.
+struct Divide<'a, 'l, S> {
+    division: &'a Division<'a, S>,
+    block: &'a Block,
+    lists: [&'l mut [Prim]; 2],
+    filled: &'l mut Filled,
 }
 
-/// Whatever the target has.
-#[derive(Clone, Copy)]
-struct Portable;
+impl<L: Simd, S: PrimSource> Task<L> for Divide<'_, '_, S> {
+    type Output = ();
 
-impl Compare for Portable {
     #[inline(always)]
-    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8) {
-        let (mut below, mut above) = (0, 0);
-        for lane in 0..LANES {
-            below |= u8::from(starts[lane] < position) << lane;
-            above |= u8::from(ends[lane] > position) << lane;
-        }
-        (below, above)
+    fn run(self, simd: L) {
+        self.division
+            .divide_by(simd, self.block, self.lists, self.filled);
     }
 }
 
@@ -283,24 +277,25 @@ impl<S: PrimSource> Division<'_, S> {
     ///
     /// All builders divide by this one function, so equal planes give equal trees.
     fn divide(&self, block: &Block, lists: [&mut [Prim]; 2], filled: &mut Filled) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.divide(self, block, lists, filled);
-        }
-        self.divide_by(Portable, block, lists, filled);
+        Level::detect().run(Divide {
+            division: self,
+            block,
+            lists,
+            filled,
+        });
     }
 
     /// On which side a primitive lies is as good as random, so there is no branch on it: first there are bits that
     /// tell it for all, and then each list takes its own.
     #[inline(always)]
-    pub(crate) fn divide_by(
+    fn divide_by(
         &self,
-        compare: impl Compare,
+        simd: impl Simd,
         block: &Block,
         [lower_list, upper_list]: [&mut [Prim]; 2],
         filled: &mut Filled,
     ) {
-        let [lower_bits, upper_bits] = self.sides(compare, block);
+        let [lower_bits, upper_bits] = self.sides(simd, block);
         let Counted { lower, upper } = filled.counted;
         let (lower_list, upper_list) = (&mut lower_list[lower..], &mut upper_list[upper..]);
         let mut lower = take(&block.prims, lower_bits, lower_list);
@@ -337,16 +332,16 @@ impl<S: PrimSource> Division<'_, S> {
 
     /// Which primitives of a block go to the lower and to the upper part; those in both are cut.
     #[inline(always)]
-    fn sides(&self, compare: impl Compare, block: &Block) -> [Bits; 2] {
+    fn sides(&self, simd: impl Simd, block: &Block) -> [Bits; 2] {
         let Plane { axis, position, .. } = *self.plane;
+        let plane = simd.splat(position);
         let (mut below, mut above) = (0, 0);
         let (groups, _) = block.prims.as_chunks::<LANES>();
         for (number, group) in groups[..block.count.div_ceil(LANES)].iter().enumerate() {
-            let starts = group.each_ref().map(|prim| prim.start(axis));
-            let ends = group.each_ref().map(|prim| prim.end(axis));
-            let bits = compare.below_and_above(position, starts, ends);
-            below |= Bits::from(bits.0) << (LANES * number);
-            above |= Bits::from(bits.1) << (LANES * number);
+            let starts = simd.values(group.each_ref().map(|prim| prim.start(axis)));
+            let ends = simd.values(group.each_ref().map(|prim| prim.end(axis)));
+            below |= Bits::from(starts.lt(plane).bits()) << (LANES * number);
+            above |= Bits::from(plane.lt(ends).bits()) << (LANES * number);
         }
         let all = Bits::MAX >> (BLOCK - block.count);
         let sides = match self.plane.planar_side {
@@ -504,7 +499,7 @@ mod tests {
     }
 
     proptest! {
-        /// In place, in chunks, and by what every target has, against one primitive after the other; twice in a row, so
+        /// In place, in chunks, and at the portable level, compared with one primitive after the other; twice in a row, so
         /// that the second time there are parts of triangles.
         #[test]
         fn all_ways_divide_the_same(
@@ -545,10 +540,15 @@ mod tests {
                 let mut block = Block::default();
                 for chunk in prims.chunks(BLOCK) {
                     block.copy_from(chunk);
-                    division.divide_by(Portable, &block, [&mut lower, &mut upper], &mut filled);
+                    Level::portable().run(Divide {
+                        division: &division,
+                        block: &block,
+                        lists: [&mut lower, &mut upper],
+                        filled: &mut filled,
+                    });
                 }
-                prop_assert_eq!(&lower[..filled.counted.lower], &slowly[0][..], "on every target");
-                prop_assert_eq!(&upper[..filled.counted.upper], &slowly[1][..], "on every target");
+                prop_assert_eq!(&lower[..filled.counted.lower], &slowly[0][..], "portable");
+                prop_assert_eq!(&upper[..filled.counted.upper], &slowly[1][..], "portable");
 
                 let mut free = Prim::room_for(division.moving(&prims));
                 let divided = division.in_place(&mut prims, &mut free, &mut block);

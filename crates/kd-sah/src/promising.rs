@@ -8,6 +8,7 @@
 //! and swept, most promising bin first, until no bin can hold anything better.
 
 use kd_core::Axis;
+use kd_simd::{LANES, Level, Task};
 use smallvec::SmallVec;
 
 use crate::CHUNK;
@@ -55,9 +56,6 @@ struct Boundary {
     counts: (usize, usize),
 }
 
-/// Bins looked at together.
-const LANES: usize = 8;
-
 /// Neighbouring bins.
 pub(crate) struct Group {
     /// The first one.
@@ -102,17 +100,19 @@ impl Group {
         edges: &Edges,
         step: u32,
     ) -> ([f32; LANES], [f32; LANES]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.costs(self, cost, axis, edges, step);
-        }
-        self.costs_here(cost, axis, edges, step)
+        Level::detect().run(Costs {
+            group: self,
+            cost,
+            axis,
+            edges,
+            step,
+        })
     }
 
-    /// [`costs`](Self::costs), compiled for whatever calls it.
+    /// [`costs`](Self::costs) at the level that its caller is compiled for, whose vector instructions the loops become.
     #[inline(always)]
     #[allow(clippy::cast_possible_truncation, reason = "at most MOST_BINS")]
-    pub(crate) fn costs_here(
+    fn costs_here(
         &self,
         cost: &CellCost,
         axis: Axis,
@@ -135,6 +135,25 @@ impl Group {
         let at_boundary = cost.of_lanes(axis, (&near_lower, &lower), (&near_upper, &upper));
         let at_least = cost.of_lanes(axis, (&around_lower, &lower), (&around_upper, &beyond));
         (at_boundary, at_least)
+    }
+}
+
+/// [`Group::costs`] at some level.
+struct Costs<'a> {
+    group: &'a Group,
+    cost: &'a CellCost,
+    axis: Axis,
+    edges: &'a Edges,
+    step: u32,
+}
+
+impl<S> Task<S> for Costs<'_> {
+    type Output = ([f32; LANES], [f32; LANES]);
+
+    #[inline(always)]
+    fn run(self, _: S) -> Self::Output {
+        self.group
+            .costs_here(self.cost, self.axis, self.edges, self.step)
     }
 }
 

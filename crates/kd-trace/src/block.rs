@@ -8,8 +8,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use kd_core::{Aabb, Mesh};
+use kd_simd::LANES;
 
-use crate::lanes::LANES;
 use crate::triangle::LaneCorners;
 
 /// Up to eight triangles of a leaf. Five cache lines.

@@ -6,6 +6,7 @@
 use kd_core::{Hit, Mesh, Ray, Tree};
 
 use crate::collect::{Any, Closest};
+use crate::dispatch::walk_wide;
 use crate::packed::PackedTree;
 use crate::probe::Probe;
 use crate::query::Indexed;
@@ -63,7 +64,7 @@ impl PackedTree {
     pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk(self, ray, &mut closest, &mut counts);
+        self.walk(ray, &mut closest, &mut counts);
         (closest.0, counts)
     }
 
@@ -71,7 +72,7 @@ impl PackedTree {
     pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
         let mut any = Any::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk(self, ray, &mut any, &mut counts);
+        self.walk(ray, &mut any, &mut counts);
         (any.0, counts)
     }
 }
@@ -81,7 +82,7 @@ impl WideTree {
     pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk_wide(self, ray, &mut closest, &mut counts);
+        walk_wide(self, ray, &mut closest, &mut counts);
         (closest.0, counts)
     }
 
@@ -89,7 +90,7 @@ impl WideTree {
     pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
         let mut any = Any::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk_wide(self, ray, &mut any, &mut counts);
+        walk_wide(self, ray, &mut any, &mut counts);
         (any.0, counts)
     }
 }

@@ -32,7 +32,7 @@
 //! ```
 
 pub use crate::collect::{Any, Closest, Collect, Ordered};
-pub use crate::float::{max, min};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::triangle::TriangleTest;
 pub use crate::wide::{BinaryNode, BinaryTree};
+pub use kd_simd::{max, min};

@@ -6,10 +6,10 @@
 //! [`brute_force`](crate::brute_force), whatever has been divided before.
 
 use kd_core::{Aabb, Axis, Hit, Ray};
+use kd_simd::{max, min};
 
 use crate::PackedTree;
 use crate::collect::{Any, Closest, Collect, Ordered};
-use crate::float::{max, min};
 use crate::planes::Span;
 use crate::walk::PreparedRay;
 
@@ -94,7 +94,7 @@ fn descend<'a, L: LazyCells>(
                 children,
             } => (axis, split, children),
             Entered::Subtree(tree) => {
-                return tree.level().walk(tree, (ray, span), collector, &mut ());
+                return tree.walk((ray, span), collector, &mut ());
             }
         };
         let crossing = ray.planes.crossing(axis.index(), split);

@@ -74,11 +74,9 @@ pub mod brute_force;
 mod collect;
 #[cfg(feature = "counters")]
 mod counters;
-mod float;
+mod dispatch;
 pub mod kit;
-mod lanes;
 pub mod lazy;
-mod level;
 mod packed;
 mod planes;
 mod probe;
@@ -90,7 +88,7 @@ mod wide;
 
 #[cfg(feature = "counters")]
 pub use counters::{TraversalCounts, intersect_counted};
-pub use level::Level;
+pub use kd_simd::Level;
 pub use packed::{PackedArena, PackedTree};
 pub use query::{hits, intersect, occluded};
 pub use ray_query::RayQuery;

@@ -15,14 +15,14 @@ use std::ops::ControlFlow;
 
 use bytemuck::{cast_slice, cast_slice_mut};
 use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, TracedBytes, Tree};
+use kd_simd::{LANES, Level};
 
-use crate::Level;
 use crate::block::Block;
 use crate::collect::{Any, Closest, Collect, Ordered};
-use crate::lanes::LANES;
+use crate::dispatch::WalkPacked;
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
-use crate::walk::Walkable;
+use crate::walk::{Begin, Walkable};
 
 pub use arena::PackedArena;
 
@@ -125,17 +125,33 @@ impl PackedTree {
         }
     }
 
+    /// Gives the collector every hit of the ray that it may want, at the level of the tree.
+    #[inline]
+    pub(crate) fn walk<C: Collect, P: Probe>(
+        &self,
+        ray: impl Begin,
+        collector: &mut C,
+        probe: &mut P,
+    ) {
+        self.level.run(WalkPacked {
+            tree: self,
+            ray,
+            collector,
+            probe,
+        });
+    }
+
     /// As [`intersect`](crate::intersect).
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let mut closest = Closest::default();
-        self.level.walk(self, ray, &mut closest, &mut ());
+        self.walk(ray, &mut closest, &mut ());
         closest.0
     }
 
     /// As [`occluded`](crate::occluded).
     pub fn occluded(&self, ray: &Ray) -> bool {
         let mut any = Any::default();
-        self.level.walk(self, ray, &mut any, &mut ());
+        self.walk(ray, &mut any, &mut ());
         any.0
     }
 
@@ -143,8 +159,7 @@ impl PackedTree {
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         out.clear();
         if max > 0 {
-            self.level
-                .walk(self, ray, &mut Ordered { max, out }, &mut ());
+            self.walk(ray, &mut Ordered { max, out }, &mut ());
         }
     }
 

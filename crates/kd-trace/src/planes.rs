@@ -51,8 +51,8 @@ mod packet;
 
 use glam::Vec3;
 use kd_core::{Aabb, Ray};
+use kd_simd::{max, min};
 
-use crate::float::{max, min};
 pub use packet::PacketPlanes;
 
 /// Directions below this fraction of the largest are taken for it: 2⁻⁶⁰, inverted.

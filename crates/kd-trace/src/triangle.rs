@@ -23,10 +23,10 @@ use std::ops::ControlFlow;
 
 use glam::Vec3;
 use kd_core::{Axis, Hit, Mesh, Ray};
+use kd_simd::LANES;
 
 use crate::collect::Collect;
-use crate::float::{max, min};
-use crate::lanes::LANES;
+use kd_simd::{max, min};
 
 /// Half a unit in the last place of 1, the relative error of rounding to f32.
 const U: f32 = f32::EPSILON / 2.0;

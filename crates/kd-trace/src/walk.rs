@@ -8,9 +8,9 @@
 use std::ops::ControlFlow;
 
 use kd_core::{Aabb, MAX_DEPTH, Node, NodeIndex, Ray};
+use kd_simd::{max, min};
 
 use crate::collect::Collect;
-use crate::float::{max, min};
 use crate::planes::{Frame, RayPlanes, Span};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;

@@ -30,9 +30,10 @@ mod usual;
 pub(crate) mod walk;
 
 use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes, Tree};
+use kd_simd::Level;
 
-use crate::Level;
 use crate::collect::{Any, Closest, Ordered};
+use crate::dispatch::{any_of_each, closest_of_each, trace_packet, walk_wide};
 use crate::planes::Frame;
 use arrays::Arrays;
 pub use arrays::Refit;
@@ -202,7 +203,7 @@ impl WideTree {
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let mut closest = Closest::default();
-        self.level.walk_wide(self, ray, &mut closest, &mut ());
+        walk_wide(self, ray, &mut closest, &mut ());
         closest.0
     }
 
@@ -210,7 +211,7 @@ impl WideTree {
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         let mut any = Any::default();
-        self.level.walk_wide(self, ray, &mut any, &mut ());
+        walk_wide(self, ray, &mut any, &mut ());
         any.0
     }
 
@@ -218,8 +219,7 @@ impl WideTree {
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         out.clear();
         if max > 0 {
-            self.level
-                .walk_wide(self, ray, &mut Ordered { max, out }, &mut ());
+            walk_wide(self, ray, &mut Ordered { max, out }, &mut ());
         }
     }
 
@@ -231,7 +231,7 @@ impl WideTree {
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.level.closest_of_each(self, rays, hits);
+        closest_of_each(self, rays, hits);
     }
 
     /// [`occluded`](Self::occluded) for many rays, together where they go much the same way, as by
@@ -242,21 +242,19 @@ impl WideTree {
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        self.level.any_of_each(self, rays, occluded);
+        any_of_each(self, rays, occluded);
     }
 
     /// [`intersect`](Self::intersect) for the ray of each lane: `None` where there is none.
     ///
     /// Rays that move most on the same axis, and go the same way on all of them, go down the tree together.
     pub fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
-        self.level
-            .closest_of_packet(self, packet)
-            .map(|closest| closest.0)
+        trace_packet(self, packet).map(|closest: Closest| closest.0)
     }
 
     /// [`occluded`](Self::occluded) for the ray of each lane, as by [`intersect8`](Self::intersect8).
     pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
-        self.level.any_of_packet(self, packet).map(|any| any.0)
+        trace_packet(self, packet).map(|any: Any| any.0)
     }
 }
 

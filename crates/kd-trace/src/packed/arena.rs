@@ -1,11 +1,10 @@
 //! The leaves of an arena packed as it grows.
 
 use kd_core::{Aabb, Arena, Node, NodeIndex, Pair, Slot};
+use kd_simd::{LANES, Level};
 
 use super::PackedTree;
-use crate::Level;
 use crate::block::Block;
-use crate::lanes::LANES;
 use glam::Vec3;
 
 /// An [`Arena`] with the triangles of its leaves packed, in which trees come and go: what is new is packed, and leaves that

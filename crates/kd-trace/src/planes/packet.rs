@@ -10,9 +10,9 @@
 //! operations with a relative error of 2⁻²⁴ each.
 
 use kd_core::Aabb;
+use kd_simd::{max, min};
 
 use super::{RayPlanes, Span};
-use crate::float::{max, min};
 
 /// Several rays, ready to be asked whether all of them miss a box. They go the same way on every axis.
 #[derive(Clone, Copy, Debug)]

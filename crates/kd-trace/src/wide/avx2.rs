@@ -17,6 +17,7 @@ use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
 use kd_core::Ray;
+use kd_simd::Avx2;
 
 use super::node::{Child, WIDTH, WideNode};
 use super::stack::Pending;
@@ -59,13 +60,9 @@ impl Avx2Ray {
     ///
     /// Inlined, so that its many fields are written where they stay. (Returned by a function that is called, they are
     /// copied: 30 ns a ray.)
-    ///
-    /// # Safety
-    ///
-    /// The processor has AVX2 and FMA.
     #[inline(always)]
-    pub(crate) unsafe fn new(ray: &Ray, frame: &Frame) -> Option<Self> {
-        // SAFETY: the caller's, and loads of four floats from arrays of four.
+    pub(crate) fn new(_: Avx2, ray: &Ray, frame: &Frame) -> Option<Self> {
+        // SAFETY: there is an `Avx2`, so there are AVX2 and FMA; and loads of four floats from arrays of four.
         unsafe {
             let zero = _mm_setzero_ps();
             let sign = _mm_set1_ps(-0.0);

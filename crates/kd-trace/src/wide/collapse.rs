@@ -5,8 +5,9 @@
 //! For every subtree there is a least cost of making it into at most one, two … eight children of the wide node above it.
 //! As one child it is a leaf or a wide node, which gets eight; as more, its two parts share them.
 
+use kd_simd::LANES;
+
 use super::node::WIDTH;
-use crate::lanes::LANES;
 
 /// Cost of a wide node that a ray visits.
 const NODE: f32 = 1.0;

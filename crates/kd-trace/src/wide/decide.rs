@@ -4,9 +4,9 @@
 //! answers to the bit.
 
 use kd_core::Hit;
+use kd_simd::{F64x8, LANES, Mask, Number, Simd};
 
 use crate::block::Block;
-use crate::lanes::{F64x8, LANES, Mask, Number, Simd};
 use crate::triangle::{LEAST_SHARE, TO_26_BITS};
 
 /// Floats in a block, its numbers included, and in a corner of eight triangles.

@@ -5,11 +5,11 @@
 //! were written before.
 
 use kd_core::{Aabb, Mesh};
+use kd_simd::LANES;
 
 use super::box_tree::{BoxTree, Kind};
 use super::node::{Child, WIDTH, WideNode};
 use crate::block::Block;
-use crate::lanes::LANES;
 
 /// What fits one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;

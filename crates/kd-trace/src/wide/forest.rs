@@ -1,11 +1,11 @@
 //! Several wide trees in the same arrays, and the nodes that join them.
 
 use kd_core::Mesh;
+use kd_simd::Level;
 
 use super::arrays::{Arrays, Refit};
 use super::join::{Join, Joined, join};
 use super::{Frame, WideTree};
-use crate::Level;
 
 /// Parts, one after the other, that are traced as one [`WideTree`].
 ///

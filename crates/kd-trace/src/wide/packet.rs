@@ -14,16 +14,17 @@ mod beam;
 mod slabs;
 mod triangles;
 
-use kd_core::{Hit, Ray, RayPacket8};
+use kd_core::{Hit, RayPacket8};
+use kd_simd::min;
 
 use super::WideTree;
 use super::node::{Child, WIDTH, WideNode};
 use super::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
 use super::walk::{WideRay, walk, walk_below};
 use crate::collect::Collect;
-use crate::float::min;
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, most};
+use crate::dispatch::TraceSimd;
 use beam::Beam;
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, max_lane};
 use slabs::Slabs;
 use triangles::Triangles;
 
@@ -35,13 +36,12 @@ const NEVER: f32 = f32::INFINITY;
 /// The limit of a ray that is done.
 const OVER: f32 = f32::NEG_INFINITY;
 
-/// Traces the ray of each lane, with a collector of its own. `prepare` prepares a ray that goes on alone.
+/// Traces the ray of each lane, with a collector of its own.
 #[inline(always)]
-pub(crate) fn trace<S: Simd, R: WideRay, C: Collect + Default>(
+pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
     simd: S,
     tree: &WideTree,
     packet: &RayPacket8,
-    prepare: impl Fn(&Ray) -> Option<R>,
 ) -> [C; LANES] {
     let mut found = Found {
         collectors: std::array::from_fn(|_| C::default()),
@@ -61,14 +61,13 @@ pub(crate) fn trace<S: Simd, R: WideRay, C: Collect + Default>(
             simd,
             tree,
             packet,
-            prepare: &prepare,
             alone: [const { None }; LANES],
             found: &mut found,
         };
         tracer.trace(&group);
     }
     for lane in Bits(others) {
-        if let Some(ray) = prepare(&packet.ray(lane)) {
+        if let Some(ray) = simd.prepare(&packet.ray(lane), tree.frame()) {
             walk(tree, &ray, &mut found.collectors[lane], &mut ());
         }
     }
@@ -208,17 +207,16 @@ struct Pending {
 }
 
 /// What traces a group.
-struct Tracer<'a, S, R, F, C> {
+struct Tracer<'a, S: TraceSimd, C> {
     simd: S,
     tree: &'a WideTree,
     packet: &'a RayPacket8,
-    prepare: F,
     /// Rays that have gone on alone.
-    alone: [Option<R>; LANES],
+    alone: [Option<S::Ray>; LANES],
     found: &'a mut Found<C>,
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R, F, C> {
+impl<S: TraceSimd, C: Collect> Tracer<'_, S, C> {
     #[inline(always)]
     fn trace(&mut self, group: &Group) {
         let simd = self.simd;
@@ -253,7 +251,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R,
             }
             // SAFETY: the root, or what came out of a node, and no leaf.
             let node = unsafe { arrays.node(next.child) };
-            let met = beam.meets(simd, node, most(&self.found.limits)).bits();
+            let met = beam.meets(simd, node, max_lane(&self.found.limits)).bits();
             let order = node.orders[group.octant];
             for place in 0..WIDTH {
                 let lane = (order >> (3 * place)) as usize % WIDTH;
@@ -270,7 +268,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R,
         for lane in Bits(lanes) {
             let alone = &mut self.alone[lane];
             if alone.is_none()
-                && let Some(ray) = (self.prepare)(&self.packet.ray(lane))
+                && let Some(ray) = self.simd.prepare(&self.packet.ray(lane), self.tree.frame())
             {
                 *alone = Some(ray);
             }

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use kd_core::Ray;
+use kd_simd::{max, min};
 
 use super::node::{Child, WIDTH, WideNode};
 use super::stack::Pending;
 use super::walk::WideRay;
 use crate::block::Block;
 use crate::collect::Collect;
-use crate::float::{max, min};
 use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;

@@ -14,6 +14,7 @@
 )]
 
 use kd_core::Ray;
+use kd_simd::min;
 
 use super::WideTree;
 use super::arrays::Arrays;
@@ -21,7 +22,7 @@ use super::node::Child;
 use super::stack::Stack;
 use super::walk::WideRay;
 use crate::collect::Collect;
-use crate::float::min;
+use crate::dispatch::TraceSimd;
 
 /// How many rays are on their way. (8 and 32 were not faster, on four meshes.)
 const SLOTS: usize = 16;
@@ -31,19 +32,19 @@ const FEW: usize = 4;
 
 /// Traces the rays of these numbers, each with a collector of its own, which `take` gets, in any order.
 #[inline(always)]
-pub(crate) fn trace<R: WideRay, C: Collect + Default>(
+pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
+    simd: S,
     tree: &WideTree,
     rays: &[Ray],
     numbers: impl Iterator<Item = usize>,
-    prepare: impl Fn(&Ray) -> Option<R>,
     take: impl FnMut(usize, C),
 ) {
-    let mut slots: [Slot<R, C>; SLOTS] = std::array::from_fn(|_| Slot::new());
+    let mut slots: [Slot<S::Ray, C>; SLOTS] = std::array::from_fn(|_| Slot::new());
     let mut waiting = Waiting {
-        arrays: tree.arrays(),
+        simd,
+        tree,
         rays,
         numbers,
-        prepare,
         take,
     };
     let mut at_nodes = List::default();
@@ -142,28 +143,27 @@ impl<R: WideRay, C: Collect + Default> Slot<R, C> {
 }
 
 /// Rays that have not begun, and where those go that are done.
-struct Waiting<'a, N, P, T> {
-    arrays: &'a Arrays,
+struct Waiting<'a, S, N, T> {
+    simd: S,
+    tree: &'a WideTree,
     rays: &'a [Ray],
     numbers: N,
-    prepare: P,
     take: T,
 }
 
-impl<N: Iterator<Item = usize>, P, T> Waiting<'_, N, P, T> {
+impl<S: TraceSimd, N: Iterator<Item = usize>, T> Waiting<'_, S, N, T> {
     /// Puts the next ray in a slot where none is; false if there is no other.
     #[inline(always)]
-    fn begin<R: WideRay, C: Collect + Default>(&mut self, slot: &mut Slot<R, C>) -> bool
+    fn begin<C: Collect + Default>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
     where
-        P: Fn(&Ray) -> Option<R>,
         T: FnMut(usize, C),
     {
         for number in self.numbers.by_ref() {
-            if let Some(ray) = (self.prepare)(&self.rays[number]) {
+            if let Some(ray) = self.simd.prepare(&self.rays[number], self.tree.frame()) {
                 slot.number = number;
                 slot.limit = ray.end();
                 slot.ray = Some(ray);
-                slot.child = self.arrays.root();
+                slot.child = self.tree.arrays().root();
                 // At the bottom there is always something to pop: a leaf without blocks.
                 let mut pending = slot.stack.pending();
                 pending.push(f32::NEG_INFINITY, Child::NOTHING);
@@ -177,9 +177,8 @@ impl<N: Iterator<Item = usize>, P, T> Waiting<'_, N, P, T> {
 
     /// [`begin`](Self::begin) where a ray is done.
     #[inline(always)]
-    fn next<R: WideRay, C: Collect + Default>(&mut self, slot: &mut Slot<R, C>) -> bool
+    fn next<C: Collect + Default>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
     where
-        P: Fn(&Ray) -> Option<R>,
         T: FnMut(usize, C),
     {
         (self.take)(slot.number, std::mem::take(&mut slot.collector));

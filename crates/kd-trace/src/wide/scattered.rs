@@ -12,8 +12,7 @@ use kd_core::Ray;
 use super::batch::{FEWEST, Query};
 use super::sorter::{Sorter, are_alike};
 use super::tile::{RAYS, Tiles};
-use super::walk::WideRay;
-use crate::lanes::Simd;
+use crate::dispatch::TraceSimd;
 use crate::probe::Probe;
 
 /// Fewer rays are not looked at.
@@ -38,9 +37,9 @@ pub(super) struct Scattered {
 impl Scattered {
     /// Traces those rays as tiles that are alike, if that pays, and takes them out of the numbers. `alone` traces a ray.
     #[inline(always)]
-    pub(super) fn trace<S: Simd, R: WideRay, Q: Query, P: Fn(&Ray) -> Option<R>>(
+    pub(super) fn trace<S: TraceSimd, Q: Query>(
         &mut self,
-        tiles: &mut Tiles<'_, S, R, P>,
+        tiles: &mut Tiles<'_, S>,
         rays: &[Ray],
         numbers: &mut Vec<u32>,
         answers: &mut [Q::Answer],

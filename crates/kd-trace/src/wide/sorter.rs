@@ -4,8 +4,7 @@
 //! (Morton's). Rays of a side, along the curve, go more or less the same way.
 
 use kd_core::Ray;
-
-use crate::lanes::LANES;
+use kd_simd::LANES;
 
 /// Cells along the edge of a side, as a power of two.
 const BITS: u32 = 4;

@@ -19,16 +19,16 @@ mod trace;
 mod waiting;
 
 use kd_core::{Hit, Ray};
+use kd_simd::LANES;
 
 use super::WideTree;
 use super::decide;
 use super::usual::fits;
-use super::walk::WideRay;
 use crate::collect::keep_first;
-use crate::float::min;
-use crate::lanes::{LANES, Simd};
+use crate::dispatch::TraceSimd;
 use alone::Alone;
 use frustum::Frustum;
+use kd_simd::min;
 use leaf::{Edges, MOST_SPREAD, Range, TERMS, TERMS_FROM_APEX, View};
 use trace::Tracer;
 use waiting::Waiting;
@@ -139,25 +139,25 @@ impl Tile {
 }
 
 /// What traces tiles through a tree, one after the other.
-pub(crate) struct Tiles<'a, S, R, F> {
+pub(crate) struct Tiles<'a, S: TraceSimd> {
     simd: S,
     tree: &'a WideTree,
     /// Whether there can be tiles at all.
     fits: bool,
     tile: Tile,
-    alone: Alone<R, F>,
+    alone: Alone<S>,
 }
 
-impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
-    /// `prepare` prepares a ray that goes on alone.
+impl<'a, S: TraceSimd> Tiles<'a, S> {
+    /// No rays yet.
     #[inline(always)]
-    pub(crate) fn new(simd: S, tree: &'a WideTree, prepare: F) -> Self {
+    pub(crate) fn new(simd: S, tree: &'a WideTree) -> Self {
         Self {
             simd,
             tree,
             fits: fits(tree.frame()),
             tile: Tile::new(),
-            alone: Alone::new(prepare),
+            alone: Alone::new(),
         }
     }
 
@@ -189,7 +189,6 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
         hits.fill(None);
         self.trace::<false>(rays, hits);
         self.simd.apart(Waiting {
-            simd: self.simd,
             blocks: self.tree.arrays().blocks(),
             tile: &self.tile,
             hits,
@@ -222,7 +221,7 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
         rays: &[Ray],
         hits: &mut [Option<Hit>],
     ) {
-        self.simd.apart(Tracer::<S, R, F, ANY, TERMS> {
+        self.simd.apart(Tracer::<S, ANY, TERMS> {
             simd: self.simd,
             tree: self.tree,
             rays,

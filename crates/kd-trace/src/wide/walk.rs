@@ -11,12 +11,13 @@
 
 use std::ops::ControlFlow;
 
+use kd_simd::min;
+
 use super::WideTree;
 use super::node::{Child, WIDTH, WideNode};
 use super::stack::{Pending, Stack};
 use crate::block::Block;
 use crate::collect::Collect;
-use crate::float::min;
 use crate::probe::Probe;
 
 /// A ray, ready to be asked about nodes and blocks, for one set of instructions.

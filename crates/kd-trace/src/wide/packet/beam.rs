@@ -6,10 +6,10 @@
 //! there is in the group.
 
 use kd_core::RayPacket8;
+use kd_simd::{LANES, Number, Simd};
 
 use super::slabs::{Slabs, in_memory};
 use crate::block::Block;
-use crate::lanes::{LANES, Number, Simd};
 use crate::wide::node::WideNode;
 
 /// A group of rays.

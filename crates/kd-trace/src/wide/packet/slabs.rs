@@ -1,8 +1,8 @@
 //! Where eight rays cross the faces of boxes: the bound of [`planes`](crate::planes), for rays of one octant.
 
 use kd_core::RayPacket8;
+use kd_simd::{F32x8, LANES, Simd};
 
-use crate::lanes::{F32x8, LANES, Simd};
 use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE};
 use crate::wide::node::WideNode;
 

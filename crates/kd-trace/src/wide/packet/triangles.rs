@@ -4,12 +4,12 @@
 //! [decided](crate::wide::decide).
 
 use kd_core::RayPacket8;
+use kd_simd::{F32x8, Mask, Number, Simd, max_lane};
 
 use super::beam::Beam;
 use super::{Bits, Found};
 use crate::block::Block;
 use crate::collect::Collect;
-use crate::lanes::{F32x8, Mask, Number, Simd, most};
 use crate::triangle::{BLUR, SLOPE};
 use crate::wide::decide::{Place, Rays, decide};
 
@@ -65,7 +65,7 @@ impl<'a, F: F32x8> Triangles<'a, F> {
     ) {
         // Where there is no triangle, there are NaN, which are met.
         let there = (1_u32 << block.count()) - 1;
-        let met = beam.meets(simd, block, most(&found.limits)).bits() & there;
+        let met = beam.meets(simd, block, max_lane(&found.limits)).bits() & there;
         for lane in Bits(met) {
             let may_hit = self.may_hit(simd, block, lane) & lanes;
             if may_hit != 0 {

@@ -6,6 +6,8 @@
 use kd_core::Ray;
 
 use super::RAYS;
+use crate::dispatch::TraceSimd;
+use crate::planes::Frame;
 
 /// Work from which on a tile looks whether it pays: more than that of rays that stay together.
 const PATIENCE: u32 = 48;
@@ -14,9 +16,8 @@ const PATIENCE: u32 = 48;
 const WALK: u32 = 2;
 
 /// The rays of a tile, each prepared when it is first needed.
-pub(super) struct Alone<R, F> {
-    prepare: F,
-    rays: Vec<Option<R>>,
+pub(super) struct Alone<S: TraceSimd> {
+    rays: Vec<Option<S::Ray>>,
     /// A bit for each ray that is prepared.
     ready: u64,
     /// What the tile has done, roughly in boxes that groups were tested against.
@@ -29,10 +30,9 @@ pub(super) struct Alone<R, F> {
     effort: u32,
 }
 
-impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
-    pub(super) fn new(prepare: F) -> Self {
+impl<S: TraceSimd> Alone<S> {
+    pub(super) fn new() -> Self {
         Self {
-            prepare,
             rays: Vec::new(),
             ready: 0,
             work: 0,
@@ -85,14 +85,20 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
 
     /// One of the rays of the tile; `None` if it cannot hit anything.
     #[inline(always)]
-    pub(super) fn ray(&mut self, number: usize, rays: &[Ray]) -> Option<&R> {
+    pub(super) fn ray(
+        &mut self,
+        simd: S,
+        number: usize,
+        rays: &[Ray],
+        frame: &Frame,
+    ) -> Option<&S::Ray> {
         self.walks += 1;
         if self.rays.is_empty() {
             self.rays.resize_with(RAYS, || None);
         }
         if self.ready >> number & 1 == 0 {
             self.ready |= 1 << number;
-            self.rays[number] = (self.prepare)(&rays[number]);
+            self.rays[number] = simd.prepare(&rays[number], frame);
         }
         self.rays[number].as_ref()
     }

@@ -14,8 +14,9 @@
 //! apex's coordinate A, and P for the largest distance between the apex and a ray's start, and between it and the place where
 //! the ray is at depth 0. Twice that is added.
 
+use kd_simd::{F32x8, LANES, Number, Simd};
+
 use super::leaf::View;
-use crate::lanes::{F32x8, LANES, Number, Simd};
 use crate::planes::{Frame, PER_REACH};
 use crate::wide::node::WideNode;
 

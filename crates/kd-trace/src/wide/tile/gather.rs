@@ -4,11 +4,11 @@
 //! more: the same ray of every group side by side, so that the least of all is what is least of each group.
 
 use kd_core::{Axis, Ray};
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, Task, max_lane, min_lane};
 
 use super::frustum::Apex;
 use super::leaf::View;
 use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile};
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task, least, most};
 use crate::planes::Frame;
 use crate::triangle::steepest_axis;
 use crate::wide::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION};
@@ -19,22 +19,21 @@ const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
 const _: () = assert!(GROUPS == LANES, "a lane for each group");
 
 /// Rays that may be a tile.
-struct Gather<'a, S> {
-    simd: S,
+struct Gather<'a> {
     tile: &'a mut Tile,
     rays: &'a [Ray],
     most_spread: f32,
     frame: &'a Frame,
 }
 
-impl<S: Simd> Task for Gather<'_, S> {
+impl<S: Simd> Task<S> for Gather<'_> {
     /// Whether they are.
     type Output = bool;
 
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self, simd: S) -> bool {
         self.tile
-            .gather_with(self.simd, self.rays, self.most_spread, self.frame)
+            .gather_with(simd, self.rays, self.most_spread, self.frame)
     }
 }
 
@@ -52,7 +51,6 @@ impl Tile {
         frame: &Frame,
     ) -> bool {
         simd.apart(Gather {
-            simd,
             tile: self,
             rays,
             most_spread,
@@ -237,7 +235,7 @@ impl Tile {
         }
         let mut array = [0.0; LANES];
         apart.store(&mut array);
-        (nearest, most(&array))
+        (nearest, max_lane(&array))
     }
 
     /// Frusta across one axis, between where rays are at depth 0 and at the deepest there is.
@@ -296,7 +294,7 @@ impl Tile {
         starts.least.store(&mut self.groups.start);
         limits.store(&mut self.groups.limit);
         self.whole.start = [starts.of_all()[0]; LANES];
-        self.whole.limit = [most(&self.groups.limit); LANES];
+        self.whole.limit = [max_lane(&self.groups.limit); LANES];
     }
 }
 
@@ -337,7 +335,7 @@ impl<F: F32x8> Extremes<F> {
         let mut arrays = [[0.0; LANES]; 2];
         self.least.store(&mut arrays[0]);
         self.most.store(&mut arrays[1]);
-        [least(&arrays[0]), most(&arrays[1])]
+        [min_lane(&arrays[0]), max_lane(&arrays[1])]
     }
 }
 
@@ -372,8 +370,8 @@ mod tests {
     use kd_core::Aabb;
 
     use super::*;
-    use crate::lanes::Portable;
     use crate::wide::usual::fits;
+    use kd_simd::Portable;
 
     /// Eight by eight rays; the first argument is where they are in the square, from -1 to 1.
     fn square(ray: impl Fn(Vec3) -> Ray) -> Vec<Ray> {

@@ -41,9 +41,10 @@
 //! more is allowed, and 12uL for rounding depths, the ray's ends, and the `t` that is reported. Nor is a hit nearer than the
 //! nearest corner, or farther than the farthest.
 
+use kd_simd::{F32x8, LANES, Mask, Number, Simd};
+
 use super::frustum::Apex;
 use crate::block::Block;
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd};
 
 /// Slopes of a tile's rays from its central one: as far as they can be on a side of the cube. (Of 64 rays of a side, 237 ns
 /// for 457 alone; within a quarter of it, 155 for 445. Mirrored rays in BART kitchen; throw-away

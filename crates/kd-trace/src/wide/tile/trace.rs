@@ -1,6 +1,7 @@
 //! A tile on its way through a tree.
 
 use kd_core::{Hit, Ray};
+use kd_simd::min;
 
 use super::alone::Alone;
 use super::frustum::{Boxes, meet, meet_each};
@@ -8,41 +9,37 @@ use super::leaf::{self, TERMS_FROM_APEX};
 use super::{OVER, Pending, Tile};
 use crate::block::Block;
 use crate::collect::{Any, Closest};
-use crate::float::min;
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task, most};
+use crate::dispatch::TraceSimd;
 use crate::wide::WideTree;
 use crate::wide::decide::{Place, decide};
 use crate::wide::node::{Child, WIDTH, WideNode};
 use crate::wide::walk::{WideRay, walk_at};
+use kd_simd::{F32x8, LANES, Mask, Number, Task, max_lane};
 
 /// So few rays are faster one by one.
 const FEW: u32 = 4;
 
 /// Traces the rays that were gathered in a tile: up to 64.
-pub(super) struct Tracer<'a, S, R, F, const ANY: bool, const TERMS: usize> {
+pub(super) struct Tracer<'a, S: TraceSimd, const ANY: bool, const TERMS: usize> {
     pub(super) simd: S,
     pub(super) tree: &'a WideTree,
     pub(super) rays: &'a [Ray],
     pub(super) tile: &'a mut Tile,
-    pub(super) alone: &'a mut Alone<R, F>,
+    pub(super) alone: &'a mut Alone<S>,
     /// What has been decided so far.
     pub(super) hits: &'a mut [Option<Hit>],
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
-    for Tracer<'_, S, R, F, ANY, TERMS>
-{
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S> for Tracer<'_, S, ANY, TERMS> {
     type Output = ();
 
     #[inline(always)]
-    fn run(mut self) {
+    fn run(mut self, _: S) {
         self.walk();
     }
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize>
-    Tracer<'_, S, R, F, ANY, TERMS>
-{
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS> {
     #[inline(always)]
     fn walk(&mut self) {
         let arrays = self.tree.arrays();
@@ -128,7 +125,10 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
         while left != 0 {
             let number = left.trailing_zeros() as usize;
             left &= left - 1;
-            let Some(ray) = self.alone.ray(number, self.rays) else {
+            let Some(ray) = self
+                .alone
+                .ray(self.simd, number, self.rays, self.tree.frame())
+            else {
                 continue;
             };
             let (group, lane) = (number / LANES, number % LANES);
@@ -302,9 +302,9 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
         while left != 0 {
             let group = left.trailing_zeros() as usize;
             left &= left - 1;
-            tile.groups.limit[group] = most(&tile.limit[group]);
+            tile.groups.limit[group] = max_lane(&tile.limit[group]);
         }
-        tile.whole.limit = [most(&tile.groups.limit); LANES];
+        tile.whole.limit = [max_lane(&tile.groups.limit); LANES];
     }
 }
 
@@ -315,13 +315,13 @@ struct Parted<'t, T> {
     rays: u64,
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
-    for Parted<'_, Tracer<'_, S, R, F, ANY, TERMS>>
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
+    for Parted<'_, Tracer<'_, S, ANY, TERMS>>
 {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self, _: S) {
         self.tracer.trace_alone(self.place, self.rays);
     }
 }
@@ -334,14 +334,14 @@ struct Unclear<'t, 'b, T> {
     rays: u32,
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
-    for Unclear<'_, '_, Tracer<'_, S, R, F, ANY, TERMS>>
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
+    for Unclear<'_, '_, Tracer<'_, S, ANY, TERMS>>
 {
     /// Whether the limit of a ray has changed.
     type Output = bool;
 
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self, _: S) -> bool {
         self.tracer
             .decide_at_once(self.group, self.place, self.rays)
     }

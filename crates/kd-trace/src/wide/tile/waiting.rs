@@ -1,26 +1,25 @@
 //! What is decided in the end: for each ray, the triangle that it hits first as far as f32 can tell.
 
 use kd_core::Hit;
+use kd_simd::{LANES, Simd, Task};
 
 use super::{NOTHING, Tile};
 use crate::block::Block;
 use crate::collect::keep_first;
-use crate::lanes::{LANES, Simd, Task};
 use crate::wide::decide::{Place, decide};
 
 /// Rays whose first triangle is to be decided.
-pub(super) struct Waiting<'a, S> {
-    pub(super) simd: S,
+pub(super) struct Waiting<'a> {
     pub(super) blocks: &'a [Block],
     pub(super) tile: &'a Tile,
     pub(super) hits: &'a mut [Option<Hit>],
 }
 
-impl<S: Simd> Task for Waiting<'_, S> {
+impl<S: Simd> Task<S> for Waiting<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self, simd: S) {
         let blocks = self.blocks;
         let hits = self.hits.chunks_mut(LANES);
         for (group, (numbers, hits)) in self.tile.place.iter().zip(hits).enumerate() {
@@ -39,7 +38,7 @@ impl<S: Simd> Task for Waiting<'_, S> {
                 Place::or_any(blocks, g),
                 Place::or_any(blocks, h),
             ];
-            let decided = decide(self.simd, &self.tile.turned_group(group), places);
+            let decided = decide(simd, &self.tile.turned_group(group), places);
             for (lane, best) in hits.iter_mut().enumerate() {
                 if numbers[lane] == NOTHING || decided.is_hit >> lane & 1 == 0 {
                     continue;

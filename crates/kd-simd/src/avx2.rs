@@ -1,56 +1,89 @@
 //! Lanes in registers of AVX2.
 #![allow(
     unsafe_code,
-    reason = "intrinsics; the portable twin is beside it, and a test holds both against each other"
+    reason = "intrinsics; `portable` is the twin, and a test compares the two"
 )]
 #![allow(
     clippy::multiple_unsafe_ops_per_block,
-    reason = "one instruction after the other, each as safe as the next: what makes them so is that there is AVX2"
+    reason = "one instruction after the other, all safe for the same reason: the processor has AVX2"
 )]
 
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::sync::atomic::{AtomicU8, Ordering};
 
-use super::{F32x8, F64x8, LANES, Mask, Number, Simd, Task};
+use crate::{F32x8, F64x8, LANES, Mask, Number, Simd, Task, U32x8};
 
-/// Proof that the processor has AVX2, and FMA, POPCNT, LZCNT and BMI1 with it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx2(());
+/// Proof that the processor has AVX2, FMA, POPCNT, LZCNT and BMI1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Avx2(());
+
+/// The outcome of detection: it takes five checks, and small kernels of builders ask each time.
+static DETECTED: AtomicU8 = AtomicU8::new(UNKNOWN);
+const UNKNOWN: u8 = 0;
+const ABSENT: u8 = 1;
+const PRESENT: u8 = 2;
 
 impl Avx2 {
-    /// # Safety
-    ///
-    /// The processor has AVX2, FMA, POPCNT, LZCNT and BMI1.
-    #[inline(always)]
-    pub(crate) const unsafe fn new() -> Self {
-        Self(())
+    /// The proof, on a processor that has these instructions. All processors with AVX2 that are sold have the others.
+    #[inline]
+    pub fn detect() -> Option<Self> {
+        // No other memory depends on it, and every thread finds the same.
+        match DETECTED.load(Ordering::Relaxed) {
+            PRESENT => Some(Self(())),
+            ABSENT => None,
+            _ => Self::ask_processor(),
+        }
+    }
+
+    #[cold]
+    fn ask_processor() -> Option<Self> {
+        let has_all = is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
+            && is_x86_feature_detected!("popcnt")
+            && is_x86_feature_detected!("lzcnt")
+            && is_x86_feature_detected!("bmi1");
+        let outcome = if has_all { PRESENT } else { ABSENT };
+        DETECTED.store(outcome, Ordering::Relaxed);
+        has_all.then_some(Self(()))
     }
 }
 
 /// Eight numbers. Made by means of an [`Avx2`] only, as are those below.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Floats(__m256);
+pub struct Floats(__m256);
 
 /// Eight numbers. (Two registers, so that there is something to do while one of a chain of operations takes its time.)
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Doubles([__m256d; 2]);
+pub struct Doubles([__m256d; 2]);
+
+/// Eight counters.
+#[derive(Clone, Copy, Debug)]
+pub struct Counters(__m256i);
 
 /// For each of eight lanes, all bits or none.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FloatMask(__m256);
+pub struct FloatMask(__m256);
 
 /// For each of eight lanes, all bits or none.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct DoubleMask([__m256d; 2]);
+pub struct DoubleMask([__m256d; 2]);
 
 impl Simd for Avx2 {
     type F32 = Floats;
     type F64 = Doubles;
+    type U32 = Counters;
+
+    #[inline(always)]
+    fn run<T: Task<Self>>(self, task: T) -> T::Output {
+        // SAFETY: there is an `Avx2`.
+        unsafe { run(self, task) }
+    }
 
     #[inline(never)]
-    fn apart<T: Task>(self, task: T) -> T::Output {
+    fn apart<T: Task<Self>>(self, task: T) -> T::Output {
         // SAFETY: there is an `Avx2`.
-        unsafe { run(task) }
+        unsafe { run(self, task) }
     }
 
     #[inline(always)]
@@ -63,6 +96,12 @@ impl Simd for Avx2 {
     fn load(self, from: &[f32; LANES]) -> Floats {
         // SAFETY: there is an `Avx2`, and eight numbers to read.
         Floats(unsafe { _mm256_loadu_ps(from.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn values(self, [a, b, c, d, e, f, g, h]: [f32; LANES]) -> Floats {
+        // SAFETY: there is an `Avx2`.
+        Floats(unsafe { _mm256_setr_ps(a, b, c, d, e, f, g, h) })
     }
 
     #[inline(always)]
@@ -117,6 +156,12 @@ impl Simd for Avx2 {
         let (low, high) = unsafe { (_mm256_castps256_ps128(all), _mm256_extractf128_ps::<1>(all)) };
         // SAFETY: the same.
         Doubles(unsafe { [_mm256_cvtps_pd(low), _mm256_cvtps_pd(high)] })
+    }
+
+    #[inline(always)]
+    fn splat_u32(self, x: u32) -> Counters {
+        // SAFETY: there is an `Avx2`.
+        Counters(unsafe { _mm256_set1_epi32(x.cast_signed()) })
     }
 }
 
@@ -307,8 +352,8 @@ impl Mask for DoubleMask {
 
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn run<T: Task>(task: T) -> T::Output {
-    task.run()
+fn run<T: Task<Avx2>>(simd: Avx2, task: T) -> T::Output {
+    task.run(simd)
 }
 
 /// The same, without the compiler knowing. It makes one instruction, a masked store, of a load, a choice and a store to the
@@ -352,6 +397,31 @@ impl F32x8 for Floats {
         let new = Self(unsafe { _mm256_set1_ps(f32::from_bits(number)) });
         // Whatever bits they have, they are only copied.
         new.store_where(mask, bytemuck::must_cast_mut(to));
+    }
+
+    #[inline(always)]
+    fn low_bytes(self) -> [u8; LANES] {
+        let mut array = [0.0; LANES];
+        self.store(&mut array);
+        array.map(|x| x.to_bits().to_le_bytes()[0])
+    }
+}
+
+impl U32x8 for Counters {
+    type Mask = FloatMask;
+
+    #[inline(always)]
+    fn count(self, mask: FloatMask) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2. True is -1.
+        Self(unsafe { _mm256_sub_epi32(self.0, _mm256_castps_si256(mask.0)) })
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [u32; LANES] {
+        let mut array = [0; LANES];
+        // SAFETY: there are such lanes, so there is AVX2, and room for eight.
+        unsafe { _mm256_storeu_si256(array.as_mut_ptr().cast(), self.0) };
+        array
     }
 }
 
