@@ -4,14 +4,15 @@
 //! with this feature and without.
 
 use kd_core::{Hit, Mesh, Ray, Tree};
+use kd_wide::WideTree;
 
 use crate::collect::{Any, Closest};
 use crate::dispatch::walk_wide;
 use crate::packed::PackedTree;
 use crate::probe::Probe;
 use crate::query::Indexed;
+use crate::ray_query::RayQuery;
 use crate::walk::walk;
-use crate::wide::WideTree;
 
 /// What one ray cost. For heat maps, and to compare trees without a clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,17 +60,25 @@ pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, T
     (closest.0, counts)
 }
 
-impl PackedTree {
-    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+/// [`RayQuery`] with counts of what each query took. Slower; for heat maps, for comparing trees, and for fitting costs to
+/// measured times.
+pub trait CountedQuery: RayQuery {
+    /// [`intersect`](RayQuery::intersect), and what it took.
+    fn intersect_counted(&self, ray: &Ray) -> (Option<Self::Hit>, TraversalCounts);
+
+    /// [`occluded`](RayQuery::occluded), and what it took.
+    fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts);
+}
+
+impl CountedQuery for PackedTree {
+    fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
         self.walk(ray, &mut closest, &mut counts);
         (closest.0, counts)
     }
 
-    /// As [`occluded`](Self::occluded), and what it took. Slower; for fitting costs to measured times.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+    fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
         let mut any = Any::default();
         let mut counts = TraversalCounts::default();
         self.walk(ray, &mut any, &mut counts);
@@ -77,17 +86,15 @@ impl PackedTree {
     }
 }
 
-impl WideTree {
-    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+impl CountedQuery for WideTree {
+    fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
         walk_wide(self, ray, &mut closest, &mut counts);
         (closest.0, counts)
     }
 
-    /// As [`occluded`](Self::occluded), and what it took.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+    fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
         let mut any = Any::default();
         let mut counts = TraversalCounts::default();
         walk_wide(self, ray, &mut any, &mut counts);

@@ -7,21 +7,20 @@
 
 use std::marker::PhantomData;
 
-use kd_core::{Hit, Ray, RayPacket8};
-use kd_simd::Avx2;
 #[cfg(target_arch = "x86_64")]
-use kd_simd::{LANES, Portable, Simd, Task};
-
 use crate::collect::{Any, Closest, Collect};
 use crate::packed::PackedTree;
 use crate::planes::Frame;
 use crate::probe::Probe;
 use crate::walk::{Begin, walk};
+use crate::wide;
 #[cfg(target_arch = "x86_64")]
 use crate::wide::avx2::Avx2Ray;
 use crate::wide::portable::PortableRay;
 use crate::wide::walk::WideRay;
-use crate::wide::{self, WideTree};
+use kd_core::{Hit, Ray, RayPacket8};
+use kd_simd::{Avx2, LANES, Portable, Simd, Task};
+use kd_wide::WideTree;
 
 /// A set of instructions that wide nodes are traced with.
 pub(crate) trait TraceSimd: Simd {

@@ -34,5 +34,5 @@
 pub use crate::collect::{Any, Closest, Collect, Ordered};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::triangle::TriangleTest;
-pub use crate::wide::{BinaryNode, BinaryTree};
 pub use kd_simd::{max, min};
+pub use kd_wide::{BinaryNode, BinaryTree};

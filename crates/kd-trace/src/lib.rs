@@ -37,6 +37,7 @@
 //! # let corners = vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
 //! # let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]])?;
 //! let tree = build(&mesh, &BuildOptions::default())?;
+//! use kd_trace::RayQuery;
 //! let wide = kd_trace::WideTree::new(&tree, &mesh);
 //! let ray = Ray::new([0.75, 0.25, 0.0], [0.0, 0.0, 1.0]);
 //! assert_eq!(wide.intersect(&ray), kd_trace::intersect(&tree, &mesh, &ray));
@@ -69,7 +70,6 @@
 //! [`Ray::can_hit`]: kd_core::Ray::can_hit
 #![deny(unsafe_code)]
 
-mod block;
 pub mod brute_force;
 mod collect;
 #[cfg(feature = "counters")]
@@ -87,9 +87,9 @@ mod walk;
 mod wide;
 
 #[cfg(feature = "counters")]
-pub use counters::{TraversalCounts, intersect_counted};
+pub use counters::{CountedQuery, TraversalCounts, intersect_counted};
 pub use kd_simd::Level;
+pub use kd_wide::{Join, Joined, Refit, WideForest, WideTree};
 pub use packed::{PackedArena, PackedTree};
 pub use query::{hits, intersect, occluded};
 pub use ray_query::RayQuery;
-pub use wide::{Join, Joined, Refit, WideForest, WideTree};

@@ -16,8 +16,8 @@ use std::ops::ControlFlow;
 use bytemuck::{cast_slice, cast_slice_mut};
 use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, TracedBytes, Tree};
 use kd_simd::{LANES, Level};
+use kd_wide::Block;
 
-use crate::block::Block;
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::dispatch::WalkPacked;
 use crate::probe::Probe;
@@ -46,7 +46,6 @@ pub struct PackedTree {
 /// A part of a tree's nodes, the same nodes packed, and the blocks that their leaves name.
 struct Part<'a> {
     sources: &'a [Node],
-    #[cfg(feature = "parallel")]
     nodes: &'a [Node],
     blocks: &'a mut [Block],
 }
@@ -69,7 +68,6 @@ impl PackedTree {
     /// # Panics
     ///
     /// As [`new`](Self::new).
-    #[cfg(feature = "parallel")]
     pub fn new_parallel(tree: &Tree, mesh: &Mesh) -> Self {
         Self::filled_by(tree, |part| part.fill_parallel(tree, mesh))
     }
@@ -93,7 +91,6 @@ impl PackedTree {
         let mut blocks = bytemuck::zeroed_vec(count as usize);
         fill(Part {
             sources: tree.nodes(),
-            #[cfg(feature = "parallel")]
             nodes: cast_slice(&pairs),
             blocks: &mut blocks,
         });
@@ -208,7 +205,6 @@ impl Part<'_> {
         }
     }
 
-    #[cfg(feature = "parallel")]
     fn fill_parallel(self, tree: &Tree, mesh: &Mesh) {
         /// Some tens of microseconds of work.
         const FEW_NODES: usize = 1024;
@@ -216,14 +212,14 @@ impl Part<'_> {
             return self.fill(tree, mesh);
         }
         let (lower, upper) = self.halves();
-        rayon::join(
+        kd_tasks::join_if(
+            true,
             || lower.fill_parallel(tree, mesh),
             || upper.fill_parallel(tree, mesh),
         );
     }
 
     /// Leaves name their blocks in order, so those of either half lie together.
-    #[cfg(feature = "parallel")]
     fn halves(self) -> (Self, Self) {
         let first_block = |nodes: &[Node]| {
             let leaf = nodes.iter().find(|node| node.is_leaf());
@@ -294,7 +290,7 @@ impl Walkable for PackedTree {
     }
 }
 
-#[cfg(all(test, feature = "parallel"))]
+#[cfg(test)]
 mod tests {
     use kd_core::CostModel;
     use kd_sah::BuildOptions;

@@ -52,6 +52,8 @@ mod packet;
 use glam::Vec3;
 use kd_core::{Aabb, Ray};
 use kd_simd::{max, min};
+pub use kd_wide::Frame;
+pub(crate) use kd_wide::PER_REACH;
 
 pub use packet::PacketPlanes;
 
@@ -62,10 +64,6 @@ pub(crate) const LEAST_SLOPE: f32 = 1.0 / (1_u64 << 60) as f32;
 const _: () = assert!(LEAST_SLOPE as f64 * STEEPEST == 1.0, "the same limit");
 /// 2⁻²⁰, of the distance to the box's faces.
 pub(crate) const RELATIVE: f32 = 1.0 / (1 << 20) as f32;
-/// 2⁻²³, of the longest side.
-const PER_SIDE: f32 = 1.0 / (1 << 23) as f32;
-/// 2⁻⁴⁶, of distances and coordinates.
-pub(crate) const PER_REACH: f32 = 1.0 / (1_u64 << 46) as f32;
 /// 2⁻²², of the origin's coordinates, where `s / d - o / d` is computed in place of `(s - o) / d`.
 #[cfg_attr(
     not(target_arch = "x86_64"),
@@ -117,28 +115,6 @@ pub struct Span {
     pub enter: f32,
     /// Where it ends, not before it begins.
     pub exit: f32,
-}
-
-/// What the bound depends on besides the ray, the same for all rays through a tree.
-#[derive(Clone, Copy, Debug)]
-pub struct Frame {
-    /// The lowest and the highest corner of the box. (The fourth number is 0, so that four can be loaded at a time.)
-    pub(crate) corners: [[f32; 4]; 2],
-    /// The part of the bound that no ray changes.
-    pub(crate) distance: f32,
-}
-
-impl Frame {
-    /// Of what lies within a box, which is not empty.
-    #[inline(always)]
-    pub fn new(bounds: &Aabb) -> Self {
-        let side = bounds.extent().max_element();
-        let coordinate = bounds.min.abs().max(bounds.max.abs()).max_element();
-        Self {
-            corners: [bounds.min, bounds.max].map(|corner| corner.extend(0.0).to_array()),
-            distance: PER_SIDE * side + PER_REACH * coordinate + f32::MIN_POSITIVE,
-        }
-    }
 }
 
 /// The power of two that is at most the largest component of a direction, and half of it or more: how many steps `t = 1`

@@ -23,10 +23,10 @@ use std::ops::ControlFlow;
 
 use glam::Vec3;
 use kd_core::{Axis, Hit, Mesh, Ray};
-use kd_simd::LANES;
+use kd_simd::{LANES, max, min};
+use kd_wide::LaneCorners;
 
 use crate::collect::Collect;
-use kd_simd::{max, min};
 
 /// Half a unit in the last place of 1, the relative error of rounding to f32.
 const U: f32 = f32::EPSILON / 2.0;
@@ -69,9 +69,6 @@ struct Filter {
     /// 8 u R.
     blur: f32,
 }
-
-/// Coordinates of so many triangles side by side: by corner, then by axis, so that the axes of a ray are offsets.
-pub(crate) type LaneCorners = [[[f32; LANES]; 3]; 3];
 
 /// Some of the lanes of a block, in order. A byte for each lane, 0 or 1.
 #[derive(Clone, Copy, Debug)]

@@ -10,7 +10,7 @@ use kd_core::{Hit, Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
 use kd_sah::BuildOptions;
 use kd_select::{Calibration, CalibrationError, Estimator, Structure};
-use kd_trace::WideTree;
+use kd_trace::{RayQuery as _, WideTree};
 use thiserror::Error;
 
 use crate::{KdTree, LazyTree};

@@ -1,7 +1,7 @@
 //! What rays cost, counted: feature `counters`.
 
 use kd_core::{Hit, Ray};
-use kd_trace::TraversalCounts;
+use kd_trace::{CountedQuery as _, TraversalCounts};
 
 use crate::KdTree;
 use crate::traced::Traced;

@@ -2,7 +2,7 @@
 
 use kd_core::{Hit, Layout, Mesh, Ray, RayPacket8, TracedBytes, Tree};
 use kd_sah::{BuildOptions, Method};
-use kd_trace::{Level, PackedTree, WideTree};
+use kd_trace::{Level, PackedTree, RayQuery as _, WideTree};
 
 /// A tree and its triangles, laid out for rays.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use kd_bvh::{Bvh, BvhMethod, BvhNodeView, BvhOptions};
 use kd_core::{Aabb, CostModel, Hit, MAX_DEPTH, Mesh, Ray};
 use kd_oracle::rays::Rays;
 use kd_oracle::{Answers, source};
-use kd_trace::{Level, WideTree};
+use kd_trace::{Level, RayQuery as _, WideTree};
 
 /// Every method.
 pub(crate) const METHODS: [BvhMethod; 5] = [

@@ -2,9 +2,9 @@
 
 use kd_core::{Aabb, Arena, Node, NodeIndex, Pair, Slot};
 use kd_simd::{LANES, Level};
+use kd_wide::Block;
 
 use super::PackedTree;
-use crate::block::Block;
 use glam::Vec3;
 
 /// An [`Arena`] with the triangles of its leaves packed, in which trees come and go: what is new is packed, and leaves that

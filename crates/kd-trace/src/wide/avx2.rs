@@ -18,11 +18,10 @@ use std::ops::ControlFlow;
 
 use kd_core::Ray;
 use kd_simd::Avx2;
+use kd_wide::{Block, Child, WIDTH, WideNode};
 
-use super::node::{Child, WIDTH, WideNode};
 use super::stack::Pending;
 use super::walk::WideRay;
-use crate::block::Block;
 use crate::collect::Collect;
 use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE, unit_of};
 use crate::probe::Probe;

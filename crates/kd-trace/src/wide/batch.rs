@@ -1,8 +1,8 @@
 //! Many rays: neighbours that are alike as tiles, then those of the others that are alike, and the rest in turn.
 
 use kd_core::{Hit, Ray};
+use kd_wide::WideTree;
 
-use super::WideTree;
 use super::queue;
 use super::scattered::{Scattered, Steps};
 use super::tile::{RAYS, Tiles};

@@ -5,8 +5,8 @@
 
 use kd_core::Hit;
 use kd_simd::{F64x8, LANES, Mask, Number, Simd};
+use kd_wide::Block;
 
-use crate::block::Block;
 use crate::triangle::{LEAST_SHARE, TO_26_BITS};
 
 /// Floats in a block, its numbers included, and in a corner of eight triangles.

@@ -7,7 +7,7 @@
 //! (I. Wald, P. Slusallek, C. Benthin, M. Wagner, *Interactive Rendering with Coherent Ray Tracing*, 2001.)
 #![allow(
     unsafe_code,
-    reason = "children are followed without checking them again: see `arrays`"
+    reason = "children are followed without checking them again: see `WideTree::node`"
 )]
 
 mod beam;
@@ -15,16 +15,14 @@ mod slabs;
 mod triangles;
 
 use kd_core::{Hit, RayPacket8};
-use kd_simd::min;
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, max_lane, min};
+use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
-use super::WideTree;
-use super::node::{Child, WIDTH, WideNode};
 use super::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
 use super::walk::{WideRay, walk, walk_below};
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
 use beam::Beam;
-use kd_simd::{F32x8, LANES, Mask, Number, Simd, max_lane};
 use slabs::Slabs;
 use triangles::Triangles;
 
@@ -220,13 +218,13 @@ impl<S: TraceSimd, C: Collect> Tracer<'_, S, C> {
     #[inline(always)]
     fn trace(&mut self, group: &Group) {
         let simd = self.simd;
-        let arrays = self.tree.arrays();
+        let tree = self.tree;
         let slabs = Slabs::new(simd, self.tree.frame(), self.packet, group.octant);
         let beam = Beam::new(simd, self.packet, &slabs, group.lanes);
         let triangles = Triangles::new(simd, self.packet, group.axes, slabs.reach());
         let mut stack = smallvec::SmallVec::<[Pending; 64]>::new();
         stack.push(Pending {
-            child: arrays.root(),
+            child: tree.root(),
             enters: slabs.starts(),
         });
         while let Some(next) = stack.pop() {
@@ -243,14 +241,14 @@ impl<S: TraceSimd, C: Collect> Tracer<'_, S, C> {
             }
             if next.child.is_leaf() {
                 // SAFETY: the root, or a leaf that came out of a node.
-                let blocks = unsafe { arrays.leaf(next.child) };
+                let blocks = unsafe { tree.leaf(next.child) };
                 for block in blocks {
                     triangles.visit(simd, block, &beam, lanes, self.found);
                 }
                 continue;
             }
             // SAFETY: the root, or what came out of a node, and no leaf.
-            let node = unsafe { arrays.node(next.child) };
+            let node = unsafe { tree.node(next.child) };
             let met = beam.meets(simd, node, max_lane(&self.found.limits)).bits();
             let order = node.orders[group.octant];
             for place in 0..WIDTH {

@@ -4,11 +4,10 @@ use std::ops::ControlFlow;
 
 use kd_core::Ray;
 use kd_simd::{max, min};
+use kd_wide::{Block, Child, WIDTH, WideNode};
 
-use super::node::{Child, WIDTH, WideNode};
 use super::stack::Pending;
 use super::walk::WideRay;
-use crate::block::Block;
 use crate::collect::Collect;
 use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;

@@ -10,15 +10,13 @@
 //! rays that share an instruction.)
 #![allow(
     unsafe_code,
-    reason = "children are followed without checking them again: see `arrays`; and each ray's stack is left and taken up"
+    reason = "children are followed without checking them again: see `WideTree::node`; and each ray's stack is left and taken up"
 )]
 
 use kd_core::Ray;
 use kd_simd::min;
+use kd_wide::{Child, WideTree};
 
-use super::WideTree;
-use super::arrays::Arrays;
-use super::node::Child;
 use super::stack::Stack;
 use super::walk::WideRay;
 use crate::collect::Collect;
@@ -59,7 +57,7 @@ pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
             for i in 0..at_nodes.restart() {
                 let place = at_nodes.place(i);
                 let slot = &mut slots[place];
-                slot.enter(tree.arrays());
+                slot.enter(tree);
                 List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
             }
         }
@@ -69,7 +67,7 @@ pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
         for i in 0..at_leaves.restart() {
             let place = at_leaves.place(i);
             let slot = &mut slots[place];
-            if slot.visit(tree.arrays()) || waiting.next(slot) {
+            if slot.visit(tree) || waiting.next(slot) {
                 List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
             }
         }
@@ -106,23 +104,23 @@ impl<R: WideRay, C: Collect + Default> Slot<R, C> {
 
     /// Goes on from a node.
     #[inline(always)]
-    fn enter(&mut self, arrays: &Arrays) {
+    fn enter(&mut self, tree: &WideTree) {
         let Some(ray) = &self.ray else { return };
         // SAFETY: in the list of nodes, so it is one, and it came out of the tree.
-        let node = unsafe { arrays.node(self.child) };
+        let node = unsafe { tree.node(self.child) };
         // SAFETY: what was left there.
         let mut pending = unsafe { self.stack.resume(self.pending) };
         self.child = ray.enter_or_pop(node, self.limit, &mut pending);
         self.pending = pending.len();
-        arrays.prefetch(self.child);
+        tree.prefetch(self.child);
     }
 
     /// Goes on from a leaf; false if the ray is done.
     #[inline(always)]
-    fn visit(&mut self, arrays: &Arrays) -> bool {
+    fn visit(&mut self, tree: &WideTree) -> bool {
         let Some(ray) = &self.ray else { return false };
         // SAFETY: in the list of leaves, so it is one, and it came out of the tree, or has no blocks.
-        let blocks = unsafe { arrays.leaf(self.child) };
+        let blocks = unsafe { tree.leaf(self.child) };
         let collector = &mut self.collector;
         if ray.visit(blocks, self.limit, collector, &mut ()).is_break() {
             return false;
@@ -137,7 +135,7 @@ impl<R: WideRay, C: Collect + Default> Slot<R, C> {
             return false;
         };
         self.child = child;
-        arrays.prefetch(child);
+        tree.prefetch(child);
         true
     }
 }
@@ -163,7 +161,7 @@ impl<S: TraceSimd, N: Iterator<Item = usize>, T> Waiting<'_, S, N, T> {
                 slot.number = number;
                 slot.limit = ray.end();
                 slot.ray = Some(ray);
-                slot.child = self.tree.arrays().root();
+                slot.child = self.tree.root();
                 // At the bottom there is always something to pop: a leaf without blocks.
                 let mut pending = slot.stack.pending();
                 pending.push(f32::NEG_INFINITY, Child::NOTHING);

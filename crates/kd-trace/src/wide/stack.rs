@@ -10,11 +10,10 @@
 
 use std::mem::MaybeUninit;
 
-use super::MOST_LEVELS;
-use super::node::{Child, WIDTH};
+use kd_wide::{Child, MAX_LEVELS, WIDTH};
 
 /// All but one of the children on each level of a path.
-const MOST: usize = MOST_LEVELS * (WIDTH - 1);
+const MOST: usize = MAX_LEVELS * (WIDTH - 1);
 
 /// Memory for [`Pending`].
 pub(crate) struct Stack {
@@ -74,7 +73,7 @@ impl Pending<'_> {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) fn room(&mut self) -> (*mut f32, *mut Child) {
-        assert!(self.len <= MOST, "a tree has at most {MOST_LEVELS} levels");
+        assert!(self.len <= MOST, "a tree has at most {MAX_LEVELS} levels");
         // SAFETY: `len` is within the array.
         let enter = unsafe { self.stack.enter.as_mut_ptr().add(self.len) };
         // SAFETY: the same.

@@ -19,16 +19,15 @@ mod trace;
 mod waiting;
 
 use kd_core::{Hit, Ray};
-use kd_simd::LANES;
+use kd_simd::{LANES, min};
+use kd_wide::WideTree;
 
-use super::WideTree;
 use super::decide;
 use super::usual::fits;
 use crate::collect::keep_first;
 use crate::dispatch::TraceSimd;
 use alone::Alone;
 use frustum::Frustum;
-use kd_simd::min;
 use leaf::{Edges, MOST_SPREAD, Range, TERMS, TERMS_FROM_APEX, View};
 use trace::Tracer;
 use waiting::Waiting;
@@ -189,7 +188,7 @@ impl<'a, S: TraceSimd> Tiles<'a, S> {
         hits.fill(None);
         self.trace::<false>(rays, hits);
         self.simd.apart(Waiting {
-            blocks: self.tree.arrays().blocks(),
+            blocks: self.tree.blocks(),
             tile: &self.tile,
             hits,
         });

@@ -6,17 +6,15 @@
 //! C. Lojewski, F.-J. Pfreundt, B. Hamann, A. Ebert, *Accelerated Single Ray Tracing for Wide Vector Units*, 2017).
 #![allow(
     unsafe_code,
-    reason = "children are followed without checking them again: see `arrays`"
+    reason = "children are followed without checking them again: see `WideTree::node`"
 )]
 
 use std::ops::ControlFlow;
 
 use kd_simd::min;
+use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
 
-use super::WideTree;
-use super::node::{Child, WIDTH, WideNode};
 use super::stack::{Pending, Stack};
-use crate::block::Block;
 use crate::collect::Collect;
 use crate::probe::Probe;
 
@@ -64,7 +62,7 @@ pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
     collector: &mut C,
     probe: &mut P,
 ) {
-    let root = tree.arrays().root();
+    let root = tree.root();
     // SAFETY: the root.
     unsafe { walk_below(tree, ray, root, ray.end(), collector, probe) };
 }
@@ -78,7 +76,7 @@ pub(crate) fn walk_at<R: WideRay, C: Collect>(
     end: f32,
     collector: &mut C,
 ) {
-    let child = tree.arrays().nodes()[place / WIDTH].children[place % WIDTH];
+    let child = tree.nodes()[place / WIDTH].children[place % WIDTH];
     // SAFETY: a child of a node of the tree.
     unsafe { walk_below(tree, ray, child, end, collector, &mut ()) };
 }
@@ -100,11 +98,10 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
     let mut stack = Stack::new();
     let mut pending = stack.pending();
     let mut limit = end;
-    let arrays = tree.arrays();
     loop {
         if child.is_leaf() {
             // SAFETY: the caller's, or a leaf that came out of a node.
-            let blocks = unsafe { arrays.leaf(child) };
+            let blocks = unsafe { tree.leaf(child) };
             probe.leaf(blocks.iter().map(Block::count).sum());
             if ray.visit(blocks, limit, collector, probe).is_break() {
                 return;
@@ -113,7 +110,7 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
         } else {
             probe.node();
             // SAFETY: the caller's, or what came out of a node, and no leaf.
-            let node = unsafe { arrays.node(child) };
+            let node = unsafe { tree.node(child) };
             if let Some(next) = ray.enter(node, limit, &mut pending) {
                 child = next;
                 continue;

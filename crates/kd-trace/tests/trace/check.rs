@@ -6,7 +6,7 @@ use kd_core::{Hit, Mesh, NodeView, Ray, Tree};
 use kd_oracle::Answers;
 use kd_oracle::rays::Rays;
 pub(crate) use kd_oracle::source;
-use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force, lazy};
+use kd_trace::{Join, Level, PackedTree, RayQuery, WideForest, WideTree, brute_force, lazy};
 
 use crate::cells::CutTree;
 

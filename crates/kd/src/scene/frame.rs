@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8, TracedBytes};
 
-use kd_trace::WideTree;
+use kd_trace::{RayQuery as _, WideTree};
 
 use super::PartId;
 use super::grove::Grove;

@@ -106,7 +106,7 @@ impl Grove {
                 });
             }
         }
-        self.forest.refit_parts(&refits, is_parallel);
+        self.forest.refit_all(&refits, is_parallel);
     }
 
     /// Takes out all parts from a number on, and gives back those of them that are wanted.

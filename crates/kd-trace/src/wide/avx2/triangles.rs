@@ -11,14 +11,13 @@ use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
 use kd_core::{Hit, Ray};
+use kd_wide::{Block, WIDTH};
 
 use super::ROW;
-use crate::block::Block;
 use crate::collect::Collect;
 use crate::planes::PER_STEP;
 use crate::probe::Probe;
 use crate::triangle::{BLUR, LEAST_SHARE, MOST_REACH, SLOPE};
-use crate::wide::node::WIDTH;
 
 /// What triangles are asked with. Three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
 /// and along.

@@ -7,10 +7,9 @@
 
 use kd_core::RayPacket8;
 use kd_simd::{LANES, Number, Simd};
+use kd_wide::{Block, WideNode};
 
 use super::slabs::{Slabs, in_memory};
-use crate::block::Block;
-use crate::wide::node::WideNode;
 
 /// A group of rays.
 #[derive(Clone, Copy, Debug)]

@@ -2,9 +2,9 @@
 
 use kd_core::RayPacket8;
 use kd_simd::{F32x8, LANES, Simd};
+use kd_wide::WideNode;
 
 use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE};
-use crate::wide::node::WideNode;
 
 /// Eight rays that go the same way on every axis. Distances are in `t`.
 pub(super) struct Slabs<F> {

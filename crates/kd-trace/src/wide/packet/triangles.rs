@@ -5,10 +5,10 @@
 
 use kd_core::RayPacket8;
 use kd_simd::{F32x8, Mask, Number, Simd, max_lane};
+use kd_wide::Block;
 
 use super::beam::Beam;
 use super::{Bits, Found};
-use crate::block::Block;
 use crate::collect::Collect;
 use crate::triangle::{BLUR, SLOPE};
 use crate::wide::decide::{Place, Rays, decide};

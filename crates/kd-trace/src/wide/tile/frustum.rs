@@ -15,10 +15,10 @@
 //! the ray is at depth 0. Twice that is added.
 
 use kd_simd::{F32x8, LANES, Number, Simd};
+use kd_wide::WideNode;
 
 use super::leaf::View;
 use crate::planes::{Frame, PER_REACH};
-use crate::wide::node::WideNode;
 
 /// 2⁻¹⁹, of distances.
 const PER_DISTANCE: f32 = 1.0 / (1 << 19) as f32;

@@ -42,9 +42,9 @@
 //! nearest corner, or farther than the farthest.
 
 use kd_simd::{F32x8, LANES, Mask, Number, Simd};
+use kd_wide::Block;
 
 use super::frustum::Apex;
-use crate::block::Block;
 
 /// Slopes of a tile's rays from its central one: as far as they can be on a side of the cube. (Of 64 rays of a side, 237 ns
 /// for 457 alone; within a quarter of it, 155 for 445. Mirrored rays in BART kitchen; throw-away

@@ -1,20 +1,17 @@
 //! A tile on its way through a tree.
 
 use kd_core::{Hit, Ray};
-use kd_simd::min;
+use kd_simd::{F32x8, LANES, Mask, Number, Task, max_lane, min};
+use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
 
 use super::alone::Alone;
 use super::frustum::{Boxes, meet, meet_each};
 use super::leaf::{self, TERMS_FROM_APEX};
 use super::{OVER, Pending, Tile};
-use crate::block::Block;
 use crate::collect::{Any, Closest};
 use crate::dispatch::TraceSimd;
-use crate::wide::WideTree;
 use crate::wide::decide::{Place, decide};
-use crate::wide::node::{Child, WIDTH, WideNode};
 use crate::wide::walk::{WideRay, walk_at};
-use kd_simd::{F32x8, LANES, Mask, Number, Task, max_lane};
 
 /// So few rays are faster one by one.
 const FEW: u32 = 4;
@@ -42,9 +39,8 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S> for Tracer<'_, S
 impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS> {
     #[inline(always)]
     fn walk(&mut self) {
-        let arrays = self.tree.arrays();
-        let nodes = arrays.nodes();
-        let mut child = arrays.root();
+        let nodes = self.tree.nodes();
+        let mut child = self.tree.root();
         let mut groups = u32::MAX >> (u32::BITS as usize - self.rays.len().div_ceil(LANES));
         let mut len = 0;
         self.alone.begin();
@@ -200,7 +196,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
     #[inline(always)]
     fn visit(&mut self, leaf: Child, groups: u32) {
         let simd = self.simd;
-        let blocks = self.tree.arrays().blocks();
+        let blocks = self.tree.blocks();
         let mut has_changed = false;
         self.alone.work(groups.count_ones());
         for index in leaf.blocks() {

@@ -2,9 +2,9 @@
 
 use kd_core::Hit;
 use kd_simd::{LANES, Simd, Task};
+use kd_wide::Block;
 
 use super::{NOTHING, Tile};
-use crate::block::Block;
 use crate::collect::keep_first;
 use crate::wide::decide::{Place, decide};
 

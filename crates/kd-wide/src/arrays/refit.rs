@@ -1,16 +1,16 @@
-//! Parts whose triangles have moved: the same nodes with new boxes, and what they are worth.
+//! Members whose triangles have moved: the same nodes with new boxes, and what they are worth.
 
 use kd_core::{Aabb, Mesh};
 
 use super::Arrays;
 use crate::block::Block;
-use crate::wide::collapse;
-use crate::wide::node::{Child, WIDTH, WideNode};
+use crate::collapse;
+use crate::node::{Child, WIDTH, WideNode};
 
-/// Where the triangles of a part of a [`WideForest`](crate::WideForest) are now.
+/// Where the triangles of a member of a [`WideForest`](crate::WideForest) are now.
 #[derive(Clone, Copy, Debug)]
 pub struct Refit<'a> {
-    /// Which part.
+    /// Which member.
     pub number: usize,
     /// Has as many triangles as it was made from.
     pub mesh: &'a Mesh,
@@ -18,7 +18,7 @@ pub struct Refit<'a> {
     pub first_slot: u32,
 }
 
-/// A part to fit anew, and its memory.
+/// A member to fit anew, and its memory.
 struct Task<'a> {
     refit: Refit<'a>,
     nodes: &'a mut [WideNode],
@@ -29,50 +29,46 @@ struct Task<'a> {
 }
 
 impl Arrays {
-    /// Gives the triangles of parts, numbered from their `first_slot`s on, the corners that they have in their meshes, and
-    /// makes their boxes fit. The top is dropped. Linear in the blocks of these parts.
+    /// Gives the triangles of members, numbered from their `first_slot`s on, the corners that they have in their meshes, and
+    /// makes their boxes fit. The top is dropped. Linear in the blocks of these members.
     ///
     /// # Panics
     ///
-    /// If a mesh has fewer triangles; if the numbers of parts do not ascend.
-    pub(crate) fn refit_parts(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
+    /// If a mesh has fewer triangles; if the numbers of members do not ascend.
+    pub(crate) fn refit_members(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
         self.clear_top();
         let mut tasks = Vec::with_capacity(refits.len());
         let (mut nodes, mut blocks) = (self.nodes.as_mut_slice(), self.blocks.as_mut_slice());
         let (mut next_node, mut next_block) = (0, 0);
         for refit in refits {
-            let part = &self.parts[refit.number];
-            let (of_part, in_blocks) = (part.nodes(), part.blocks());
-            assert!(of_part.start >= next_node, "the numbers of parts ascend");
-            nodes = &mut nodes[of_part.start - next_node..];
+            let member = &self.members[refit.number];
+            let (of_member, in_blocks) = (member.nodes(), member.blocks());
+            assert!(
+                of_member.start >= next_node,
+                "the numbers of members ascend"
+            );
+            nodes = &mut nodes[of_member.start - next_node..];
             blocks = &mut blocks[in_blocks.start - next_block..];
             let (own_nodes, own_blocks);
-            (own_nodes, nodes) = nodes.split_at_mut(of_part.len());
+            (own_nodes, nodes) = nodes.split_at_mut(of_member.len());
             (own_blocks, blocks) = blocks.split_at_mut(in_blocks.len());
-            (next_node, next_block) = (of_part.end, in_blocks.end);
+            (next_node, next_block) = (of_member.end, in_blocks.end);
             tasks.push(Task {
                 refit: *refit,
                 nodes: own_nodes,
                 blocks: own_blocks,
-                first_node: of_part.start,
+                first_node: of_member.start,
                 first_block: in_blocks.start,
             });
         }
-        #[cfg(feature = "parallel")]
-        if is_parallel && tasks.len() > 1 {
-            use rayon::prelude::*;
-            tasks.into_par_iter().for_each(Task::run);
-            return;
-        }
-        let _ = is_parallel;
-        tasks.into_iter().for_each(Task::run);
+        kd_tasks::map(tasks, is_parallel, Task::run);
     }
 
-    /// The SAH cost of a part below its root: half areas of boxes, each times what a ray takes that enters it (see
+    /// The SAH cost of a member below its root: half areas of boxes, each times what a ray takes that enters it (see
     /// [`collapse`]).
-    pub(crate) fn cost_of_part(&self, number: usize) -> f64 {
+    pub(crate) fn cost_of_member(&self, number: usize) -> f64 {
         let mut cost = 0.0;
-        for node in &self.nodes[self.parts[number].nodes()] {
+        for node in &self.nodes[self.members[number].nodes()] {
             for lane in node.lanes() {
                 let child = node.children[lane];
                 let blocks = if child.is_leaf() {

@@ -1,20 +1,20 @@
-//! Parts that lie one after the other, and the top over them.
+//! Members that lie one after the other, and the top over them.
 
 use std::ops::Range;
 
 use super::Arrays;
 use crate::block::Block;
-use crate::wide::node::{Child, WideNode};
+use crate::node::{Child, WideNode};
 
 /// Nodes and blocks that lie together and refer to nothing else.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Part {
+pub(crate) struct Member {
     nodes: Range<usize>,
     blocks: Range<usize>,
     root: Child,
 }
 
-impl Part {
+impl Member {
     /// A node, or [`Child::NOTHING`].
     pub(crate) fn root(&self) -> Child {
         self.root
@@ -35,40 +35,40 @@ impl Arrays {
             nodes: Vec::new(),
             blocks: Vec::new(),
             root: Child::NOTHING,
-            parts: Vec::new(),
+            members: Vec::new(),
         }
     }
 
-    pub(crate) fn parts(&self) -> &[Part] {
-        &self.parts
+    pub(crate) fn members(&self) -> &[Member] {
+        &self.members
     }
 
-    /// All of a tree that was made in one go, as a part.
+    /// All of a tree that was made in one go, as a member.
     ///
     /// # Panics
     ///
-    /// If it has parts.
-    pub(crate) fn as_part(&self) -> Part {
-        assert!(self.parts.is_empty(), "a tree that was made in one go");
-        Part {
+    /// If it has members.
+    pub(crate) fn as_member(&self) -> Member {
+        assert!(self.members.is_empty(), "a tree that was made in one go");
+        Member {
             nodes: 0..self.nodes.len(),
             blocks: 0..self.blocks.len(),
             root: self.root,
         }
     }
 
-    /// How many nodes the parts have.
-    pub(crate) fn nodes_of_parts(&self) -> usize {
-        self.parts.last().map_or(0, |part| part.nodes.end)
+    /// How many nodes the members have.
+    pub(crate) fn nodes_of_members(&self) -> usize {
+        self.members.last().map_or(0, |member| member.nodes.end)
     }
 
     /// Drops the top: nothing is left to trace.
     pub(crate) fn clear_top(&mut self) {
-        self.nodes.truncate(self.nodes_of_parts());
+        self.nodes.truncate(self.nodes_of_members());
         self.root = Child::NOTHING;
     }
 
-    /// Puts nodes over the parts, the first of which comes after their last.
+    /// Puts nodes over the members, the first of which comes after their last.
     ///
     /// # Panics
     ///
@@ -87,61 +87,61 @@ impl Arrays {
         self.root = root;
     }
 
-    /// Adds a part of other arrays after the last one, with `slots` added to the numbers of its triangles. The top is
+    /// Adds a member of other arrays after the last one, with `slots` added to the numbers of its triangles. The top is
     /// dropped.
-    pub(crate) fn push_part(&mut self, from: &Self, part: &Part, slots: u32) {
+    pub(crate) fn push_member(&mut self, from: &Self, member: &Member, slots: u32) {
         self.clear_top();
         let (nodes, blocks) = (self.nodes.len(), self.blocks.len());
         let by = (
-            nodes.wrapping_sub(part.nodes.start),
-            blocks.wrapping_sub(part.blocks.start),
+            nodes.wrapping_sub(member.nodes.start),
+            blocks.wrapping_sub(member.blocks.start),
         );
-        reserve(&mut self.nodes, part.nodes.len());
-        reserve(&mut self.blocks, part.blocks.len());
-        self.nodes.extend_from_slice(&from.nodes[part.nodes()]);
-        self.blocks.extend_from_slice(&from.blocks[part.blocks()]);
-        self.end_part(part.root, by);
-        self.add_to_slots(self.parts.len() - 1, slots);
+        reserve(&mut self.nodes, member.nodes.len());
+        reserve(&mut self.blocks, member.blocks.len());
+        self.nodes.extend_from_slice(&from.nodes[member.nodes()]);
+        self.blocks.extend_from_slice(&from.blocks[member.blocks()]);
+        self.end_member(member.root, by);
+        self.add_to_slots(self.members.len() - 1, slots);
     }
 
-    /// Adds one of the parts once more, after the last one. The top is dropped.
+    /// Adds one of the members once more, after the last one. The top is dropped.
     pub(crate) fn push_again(&mut self, number: usize) {
         self.clear_top();
-        let part = self.parts[number].clone();
+        let member = self.members[number].clone();
         let by = (
-            self.nodes.len() - part.nodes.start,
-            self.blocks.len() - part.blocks.start,
+            self.nodes.len() - member.nodes.start,
+            self.blocks.len() - member.blocks.start,
         );
-        reserve(&mut self.nodes, part.nodes.len());
-        reserve(&mut self.blocks, part.blocks.len());
-        self.nodes.extend_from_within(part.nodes());
-        self.blocks.extend_from_within(part.blocks());
-        self.end_part(part.root, by);
+        reserve(&mut self.nodes, member.nodes.len());
+        reserve(&mut self.blocks, member.blocks.len());
+        self.nodes.extend_from_within(member.nodes());
+        self.blocks.extend_from_within(member.blocks());
+        self.end_member(member.root, by);
     }
 
-    /// Makes a part of what comes after the last one, and was moved there from another place.
-    fn end_part(&mut self, root: Child, by: (usize, usize)) {
-        let last = self.parts.last();
-        let (nodes, blocks) = last.map_or((0, 0), |part| (part.nodes.end, part.blocks.end));
+    /// Makes a member of what comes after the last one, and was moved there from another place.
+    fn end_member(&mut self, root: Child, by: (usize, usize)) {
+        let last = self.members.last();
+        let (nodes, blocks) = last.map_or((0, 0), |member| (member.nodes.end, member.blocks.end));
         if by != (0, 0) {
             let added = &mut self.nodes[nodes..];
             for child in added.iter_mut().flat_map(|node| &mut node.children) {
                 *child = child.moved(by.0, by.1);
             }
         }
-        self.parts.push(Part {
+        self.members.push(Member {
             nodes: nodes..self.nodes.len(),
             blocks: blocks..self.blocks.len(),
             root: root.moved(by.0, by.1),
         });
     }
 
-    /// Adds to the numbers of all triangles of a part, modulo 2³².
+    /// Adds to the numbers of all triangles of a member, modulo 2³².
     pub(crate) fn add_to_slots(&mut self, number: usize, slots: u32) {
         if slots == 0 {
             return;
         }
-        let blocks = &mut self.blocks[self.parts[number].blocks()];
+        let blocks = &mut self.blocks[self.members[number].blocks()];
         for slot in blocks.iter_mut().flat_map(|block| &mut block.triangles) {
             if *slot != Block::NONE {
                 *slot = slot.wrapping_add(slots);
@@ -149,12 +149,12 @@ impl Arrays {
         }
     }
 
-    /// Takes out the parts from a number on. The top is dropped.
-    pub(crate) fn truncate_parts(&mut self, number: usize) {
+    /// Takes out the members from a number on. The top is dropped.
+    pub(crate) fn truncate_members(&mut self, number: usize) {
         self.clear_top();
-        self.parts.truncate(number);
-        self.nodes.truncate(self.nodes_of_parts());
-        let blocks = self.parts.last().map_or(0, |part| part.blocks.end);
+        self.members.truncate(number);
+        self.nodes.truncate(self.nodes_of_members());
+        let blocks = self.members.last().map_or(0, |member| member.blocks.end);
         self.blocks.truncate(blocks);
     }
 }
@@ -171,7 +171,7 @@ fn reserve<T>(all: &mut Vec<T>, more: usize) {
 mod tests {
     use super::*;
 
-    /// A part of as many nodes, each the parent of the next, and a block at the end.
+    /// A member of as many nodes, each the parent of the next, and a block at the end.
     fn chain(nodes: usize) -> Arrays {
         let mut all = Vec::new();
         for place in 0..nodes {
@@ -190,7 +190,7 @@ mod tests {
 
     /// Follows a chain down to the number of its triangle, and tells its length.
     fn follow(arrays: &Arrays, number: usize) -> (usize, u32) {
-        let mut child = arrays.parts()[number].root();
+        let mut child = arrays.members()[number].root();
         let mut length = 0;
         while !child.is_leaf() {
             let node = arrays.nodes()[child.index()];
@@ -203,11 +203,11 @@ mod tests {
 
     fn push(arrays: &mut Arrays, nodes: usize, slots: u32) {
         let from = chain(nodes);
-        arrays.push_part(&from, &from.as_part(), slots);
+        arrays.push_member(&from, &from.as_member(), slots);
     }
 
     #[test]
-    fn parts_are_what_they_were_wherever_they_are() {
+    fn members_are_copied_unchanged() {
         let mut arrays = Arrays::empty();
         for (nodes, slots) in [(2, 0), (9, 10), (4, 20)] {
             push(&mut arrays, nodes, slots);
@@ -219,7 +219,7 @@ mod tests {
         );
         let mut others = Arrays::empty();
         for number in [2, 1] {
-            others.push_part(&arrays, &arrays.parts()[number], 0);
+            others.push_member(&arrays, &arrays.members()[number], 0);
         }
         others.push_again(0);
         others.add_to_slots(1, 5);
@@ -228,7 +228,7 @@ mod tests {
             [(4, 20), (9, 15), (4, 20)],
             "copied, and numbered anew"
         );
-        arrays.truncate_parts(1);
+        arrays.truncate_members(1);
         push(&mut arrays, 3, 7);
         assert_eq!(
             [0, 1].map(|number| follow(&arrays, number)),
@@ -243,13 +243,13 @@ mod tests {
     }
 
     #[test]
-    fn changing_parts_drops_the_top() {
+    fn changing_members_drops_the_top() {
         let mut arrays = Arrays::empty();
         push(&mut arrays, 2, 0);
         let mut top = WideNode::EMPTY;
-        top.children[0] = arrays.parts()[0].root();
+        top.children[0] = arrays.members()[0].root();
         arrays.set_top(&[top], Child::node(2));
-        assert_eq!(arrays.nodes().len(), 3, "over the part");
+        assert_eq!(arrays.nodes().len(), 3, "over the member");
         push(&mut arrays, 3, 0);
         assert_eq!(
             (arrays.root(), arrays.nodes().len()),

@@ -3,7 +3,7 @@
 //! Above some size, cells are divided by the planes of the kd-tree. A triangle that a plane cuts is cut too, each part in
 //! its own tight box, or goes to one side as a whole where that costs less (M. Stich, H. Friedrich, A. Dietrich, *Spatial
 //! Splits in Bounding Volume Hierarchies*, 2009, section 4.4: reference unsplitting). Below it, triangles are divided as
-//! objects ([`object_split`](super::object_split)): boxes may overlap where cells may not, and no triangle is in two leaves.
+//! objects ([`object_split`](crate::object_split)): boxes may overlap where cells may not, and no triangle is in two leaves.
 //!
 //! In large cells, too, objects are divided where the plane costs much more, as it may where a few huge triangles lie among
 //! many small ones: planes that cut off what is empty between those cut the huge ones each time.
@@ -15,12 +15,12 @@
 
 use kd_core::{Aabb, Axis, MAX_DEPTH, Mesh, NodeIndex, NodeView, Tree, clipped_halves};
 
-#[cfg(feature = "parallel")]
-use super::box_tree::Leaves;
-use super::box_tree::{Added, BoxTree, Item};
-use super::object_split::ObjectSplit;
+use crate::box_tree::{Added, BoxTree, Item, Leaves};
+use crate::object_split::ObjectSplit;
 
-/// So many triangles are not divided.
+/// Cells of more triangles may be divided by the planes of the kd-tree; all others are divided as objects only.
+pub const PLANES_ABOVE: usize = 1024;
+/// Items that are not divided.
 const FEW: usize = 8;
 /// Objects are divided in place of a cell where that costs less than so much of what the plane does. (At 1 rays are a little
 /// slower in rooms.)
@@ -29,12 +29,10 @@ const CHEAPER: f64 = 0.9;
 pub(crate) const MOST_DIVISIONS: usize = 32;
 /// Levels of splits that there are at most: planes, divisions of objects, and halves of what 32 bits count; and above them
 /// those of subtrees that are joined, which are divided as objects.
-pub(crate) const MOST_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
+pub const MAX_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
 /// Cells of so many triangles are worth a task.
-#[cfg(feature = "parallel")]
 const TASK: usize = 1 << 14;
 /// So many triangles are, where they are divided as objects: some hundreds of microseconds.
-#[cfg(feature = "parallel")]
 const OBJECT_TASK: usize = 1 << 11;
 
 /// One over the half area of a box, or 0 if that is none.
@@ -43,24 +41,61 @@ pub(crate) fn per_area(bounds: &Aabb) -> f64 {
     if area > 0.0 { area.recip() } else { 0.0 }
 }
 
+/// Boxes, and their SAH cost relative to the half area of the root's box.
+pub(crate) type Costed = (BoxTree, f32);
+
+/// The boxes of all triangles of a tree, which are the items. Planes divide cells of more than `planes_above` triangles, and
+/// always do if it is given; by default that is [`PLANES_ABOVE`], and object splits compete.
+pub(crate) fn boxes_of_tree(
+    tree: &Tree,
+    mesh: &Mesh,
+    items: Vec<Item>,
+    planes_above: Option<usize>,
+    is_parallel: bool,
+) -> Costed {
+    let mut boxes = BoxTree::new(Leaves::Triangles);
+    let divider = Divider {
+        tree,
+        mesh,
+        per_area: per_area(&tree.bounds()),
+        planes_above: planes_above.unwrap_or(PLANES_ABOVE),
+        objects_compete: planes_above.is_none(),
+        is_parallel,
+    };
+    if items.is_empty() {
+        return (boxes, 0.0);
+    }
+    let root = divider.by_planes(tree.root(), items, 0, &mut boxes);
+    (boxes, root.cost())
+}
+
+/// The boxes of triangles, all within `bounds`, divided by object splits alone.
+pub(crate) fn boxes_of_objects(mut items: Vec<Item>, bounds: &Aabb, is_parallel: bool) -> Costed {
+    let mut boxes = BoxTree::new(Leaves::Triangles);
+    if items.is_empty() {
+        return (boxes, 0.0);
+    }
+    let root = by_objects(&mut items, 0, per_area(bounds), is_parallel, &mut boxes);
+    (boxes, root.cost())
+}
+
 /// Makes the boxes of a subtree of a kd-tree.
-pub(crate) struct Divider<'a> {
-    pub(crate) tree: &'a Tree,
-    pub(crate) mesh: &'a Mesh,
+struct Divider<'a> {
+    tree: &'a Tree,
+    mesh: &'a Mesh,
     /// One over the half area of the root's box.
-    pub(crate) per_area: f64,
+    per_area: f64,
     /// Cells of more triangles are divided by planes of the kd-tree.
-    pub(crate) planes_above: usize,
+    planes_above: usize,
     /// Whether they are divided as objects where that costs less.
-    pub(crate) objects_compete: bool,
-    #[cfg(feature = "parallel")]
-    pub(crate) is_parallel: bool,
+    objects_compete: bool,
+    is_parallel: bool,
 }
 
 impl Divider<'_> {
     /// Adds the boxes of `items`, of which there are some, with the planes of a subtree as far as they go. `divisions` is how
     /// often these were divided as objects.
-    pub(crate) fn by_planes(
+    fn by_planes(
         &self,
         mut at: NodeIndex,
         mut items: Vec<Item>,
@@ -119,10 +154,10 @@ impl Divider<'_> {
         to: &mut BoxTree,
     ) -> Added {
         let place = to.reserve();
-        #[cfg(feature = "parallel")]
         if self.is_parallel && upper.1.len().min(lower.1.len()) >= TASK {
             let mut other = BoxTree::new(Leaves::Triangles);
-            let (lower, added) = rayon::join(
+            let (lower, added) = kd_tasks::join_if(
+                true,
                 || self.by_planes(lower.0, lower.1, divisions, to),
                 || self.by_planes(upper.0, upper.1, divisions, &mut other),
             );
@@ -136,11 +171,7 @@ impl Divider<'_> {
 
 /// Adds the boxes of triangles, of which there are some, divided as objects. `divisions` is how often they were already, and
 /// `per_area` one over the half area of the root's box.
-#[cfg_attr(
-    not(feature = "parallel"),
-    expect(clippy::only_used_in_recursion, reason = "there is one thread then")
-)]
-pub(crate) fn by_objects(
+fn by_objects(
     items: &mut [Item],
     divisions: usize,
     per_area: f64,
@@ -161,10 +192,10 @@ pub(crate) fn by_objects(
     };
     let (lower, upper) = items.split_at_mut(middle);
     let divisions = divisions + 1;
-    #[cfg(feature = "parallel")]
     if is_parallel && lower.len().min(upper.len()) >= OBJECT_TASK {
         let mut other = BoxTree::new(Leaves::Triangles);
-        let (lower, added) = rayon::join(
+        let (lower, added) = kd_tasks::join_if(
+            true,
             || by_objects(lower, divisions, per_area, true, to),
             || by_objects(upper, divisions, per_area, true, &mut other),
         );

@@ -1,4 +1,4 @@
-//! Triangles of a leaf side by side, ready for vector instructions.
+//! A block: up to eight triangles of a leaf, lane by lane.
 //!
 //! ```text
 //! block       9 x 8 f32   corner a: x of 8 triangles, y, z; corner b; corner c
@@ -10,31 +10,37 @@ use glam::Vec3;
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
 
-use crate::triangle::LaneCorners;
+/// Coordinates of eight triangles: by corner, then by axis, then by lane, so that the axes of a ray are offsets.
+pub type LaneCorners = [[[f32; LANES]; 3]; 3];
 
-/// Up to eight triangles of a leaf. Five cache lines.
+/// Up to eight triangles of a leaf, in lanes. Five cache lines.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Block {
-    pub(crate) corners: LaneCorners,
-    /// [`NONE`](Self::NONE) in lanes without a triangle.
-    pub(crate) triangles: [u32; LANES],
+pub struct Block {
+    /// Corners, in scene units; NaN in lanes without a triangle.
+    pub corners: LaneCorners,
+    /// Slots; [`NONE`](Self::NONE) in lanes without a triangle.
+    pub triangles: [u32; LANES],
 }
 
 const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
 
 impl Block {
-    /// Stands where there is no triangle.
-    pub(crate) const NONE: u32 = u32::MAX;
+    /// The slot of a lane without a triangle.
+    pub const NONE: u32 = u32::MAX;
 
-    /// No triangles: whatever looks at a corner that is NaN finds no hit.
-    pub(crate) const EMPTY: Self = Self {
+    /// No triangles. No ray hits corners that are NaN.
+    pub const EMPTY: Self = Self {
         corners: [[[f32::NAN; LANES]; 3]; 3],
         triangles: [Self::NONE; LANES],
     };
 
-    /// The block of up to eight triangles of a mesh.
-    pub(crate) fn of(triangles: impl IntoIterator<Item = u32>, mesh: &Mesh) -> Self {
+    /// The block of up to eight triangles of a mesh, which get the first lanes.
+    ///
+    /// # Panics
+    ///
+    /// If there are more, or if the mesh lacks one.
+    pub fn of(triangles: impl IntoIterator<Item = u32>, mesh: &Mesh) -> Self {
         let mut block = Self::EMPTY;
         for (lane, triangle) in triangles.into_iter().enumerate() {
             block.set(lane, triangle, mesh.corners(triangle));
@@ -42,16 +48,21 @@ impl Block {
         block
     }
 
-    /// How many triangles there are; they fill the lanes in order.
+    /// The number of triangles. They fill the lanes in order.
     #[inline(always)]
-    pub(crate) fn count(&self) -> u32 {
+    pub fn count(&self) -> u32 {
         self.triangles
             .iter()
             .map(|triangle| u32::from(*triangle != Self::NONE))
             .sum()
     }
 
-    pub(crate) fn set(&mut self, lane: usize, triangle: u32, corners: [Vec3; 3]) {
+    /// Puts a triangle in a lane.
+    ///
+    /// # Panics
+    ///
+    /// If `lane` is 8 or more.
+    pub fn set(&mut self, lane: usize, triangle: u32, corners: [Vec3; 3]) {
         self.set_corners(lane, corners);
         self.triangles[lane] = triangle;
     }
@@ -65,7 +76,7 @@ impl Block {
         }
     }
 
-    /// Gives its triangles, numbered from `first_slot` on, the corners they have in `mesh`.
+    /// Gives its triangles, numbered from `first_slot` on, the corners that they have in `mesh`.
     pub(crate) fn move_corners(&mut self, mesh: &Mesh, first_slot: u32) {
         for lane in 0..LANES {
             let slot = self.triangles[lane];
@@ -78,7 +89,7 @@ impl Block {
 
     /// The box around all triangles.
     pub(crate) fn bounds(&self) -> Aabb {
-        // Not `f32::min`: this order of operands is one instruction, and passes over what is NaN.
+        // Not `f32::min`: this order of operands is one instruction, and skips NaN.
         let pick = |is_better: fn(f32, f32) -> bool, worst: f32, axis: usize| {
             let mut best = [worst; LANES];
             for rows in &self.corners {
@@ -97,8 +108,9 @@ impl Block {
         }
     }
 
+    /// The corners of the triangle in a lane.
     #[inline(always)]
-    pub(crate) fn corners_of(&self, lane: usize) -> [Vec3; 3] {
+    pub fn corners_of(&self, lane: usize) -> [Vec3; 3] {
         self.corners
             .each_ref()
             .map(|rows| Vec3::from_array(rows.each_ref().map(|row| row[lane])))

@@ -7,9 +7,9 @@
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
 
-use super::box_tree::{BoxTree, Kind};
-use super::node::{Child, WIDTH, WideNode};
 use crate::block::Block;
+use crate::box_tree::{BoxTree, Kind};
+use crate::node::{Child, WIDTH, WideNode};
 
 /// What fits one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;
@@ -48,7 +48,6 @@ struct Emitter<'a, L> {
     leaves: &'a L,
     /// What each node of the boxes becomes, where it is a child of a wide node.
     counts: Vec<Counts>,
-    #[cfg(feature = "parallel")]
     is_parallel: bool,
 }
 
@@ -86,7 +85,7 @@ enum Group {
 }
 
 /// Nodes over subtrees, by their numbers, that are written already, in arrays that have so many nodes before; and the root.
-pub(super) fn emit_links(
+pub(crate) fn emit_links(
     boxes: &BoxTree,
     links: &[Child],
     before: usize,
@@ -100,7 +99,7 @@ pub(super) fn emit_links(
 }
 
 /// All nodes and blocks, and where the root is.
-pub(super) fn emit(
+pub(crate) fn emit(
     boxes: &BoxTree,
     mesh: &Mesh,
     is_parallel: bool,
@@ -131,10 +130,8 @@ fn emit_leaves<L: WriteLeaves>(
         boxes,
         leaves,
         counts: vec![Counts::default(); boxes.len()],
-        #[cfg(feature = "parallel")]
         is_parallel,
     };
-    let _ = is_parallel;
     let counts = emitter.count(root);
     // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
     let mut nodes = bytemuck::zeroed_vec(counts.nodes);
@@ -225,19 +222,11 @@ impl<L: WriteLeaves> Emitter<'_, L> {
     }
 
     fn all(&self, tasks: Vec<(u32, Space<'_>)>) -> Vec<Child> {
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            /// Some hundreds of microseconds of work.
-            const TASK: usize = 1 << 10;
-            let blocks: usize = tasks.iter().map(|(_, space)| space.blocks.len()).sum();
-            if self.is_parallel && blocks > TASK {
-                let tasks = tasks.into_par_iter();
-                return tasks.map(|(part, space)| self.child(part, space)).collect();
-            }
-        }
-        let tasks = tasks.into_iter();
-        tasks.map(|(part, space)| self.child(part, space)).collect()
+        /// Some hundreds of microseconds of work.
+        const TASK: usize = 1 << 10;
+        let blocks: usize = tasks.iter().map(|(_, space)| space.blocks.len()).sum();
+        let is_parallel = self.is_parallel && blocks > TASK;
+        kd_tasks::map(tasks, is_parallel, |(part, space)| self.child(part, space))
     }
 }
 

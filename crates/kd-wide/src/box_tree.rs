@@ -3,7 +3,7 @@
 use glam::Vec3A;
 use kd_core::{Aabb, Axis, Mesh};
 
-use super::collapse::{self, Choice, Costs};
+use crate::collapse::{self, Choice, Costs};
 
 /// A binary tree of tight boxes over triangles, or over other subtrees. Children come after their parents; the root is the
 /// first.
@@ -44,13 +44,15 @@ pub(crate) enum Kind {
     Split { axis: Axis, parts: [u32; 2] },
 }
 
-/// A triangle, or a part of one, or a subtree, in its box.
+/// A triangle, the part of one in a cell, or a subtree, in its box. What an [`ObjectSplit`](crate::ObjectSplit) divides.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Item {
-    pub(crate) min: Vec3A,
-    pub(crate) max: Vec3A,
-    /// The triangle, or which subtree.
-    pub(crate) number: u32,
+pub struct Item {
+    /// The lowest corner of the box, in scene units.
+    pub min: Vec3A,
+    /// The highest corner.
+    pub max: Vec3A,
+    /// The triangle, or the number of the subtree.
+    pub number: u32,
 }
 
 /// A subtree that was just added.
@@ -68,12 +70,17 @@ impl Added {
 }
 
 impl Item {
-    /// A whole triangle.
-    pub(crate) fn whole(triangle: u32, mesh: &Mesh) -> Self {
+    /// A triangle of a mesh.
+    ///
+    /// # Panics
+    ///
+    /// If the mesh lacks it.
+    pub fn whole(triangle: u32, mesh: &Mesh) -> Self {
         Self::within(Aabb::around(mesh.corners(triangle)), triangle)
     }
 
-    pub(crate) fn within(bounds: Aabb, number: u32) -> Self {
+    /// An item in a box.
+    pub fn within(bounds: Aabb, number: u32) -> Self {
         Self {
             min: bounds.min.into(),
             max: bounds.max.into(),
@@ -81,8 +88,8 @@ impl Item {
         }
     }
 
-    /// The box of all of them.
-    pub(crate) fn around(items: &[Self]) -> Aabb {
+    /// The box around items; empty without items.
+    pub fn around(items: &[Self]) -> Aabb {
         let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let (min, max) = items.iter().fold(nothing, |(min, max), item| {
             (min.min(item.min), max.max(item.max))
@@ -93,7 +100,8 @@ impl Item {
         }
     }
 
-    pub(crate) fn bounds(&self) -> Aabb {
+    /// The box.
+    pub fn bounds(&self) -> Aabb {
         Aabb {
             min: self.min.into(),
             max: self.max.into(),
@@ -198,7 +206,6 @@ impl BoxTree {
     }
 
     /// Adds all of another tree, whose root was added to it last as `root`, and `number` to the numbers of its items.
-    #[cfg(feature = "parallel")]
     pub(crate) fn append(&mut self, other: &Self, root: Added, number: u32) -> Added {
         let (nodes, items) = (to_u32(self.nodes.len()), to_u32(self.items.len()));
         self.items

@@ -3,21 +3,23 @@
 use kd_core::Mesh;
 use kd_simd::Level;
 
-use super::arrays::{Arrays, Refit};
-use super::join::{Join, Joined, join};
-use super::{Frame, WideTree};
+use crate::arrays::{Arrays, Refit};
+use crate::frame::Frame;
+use crate::join::{Join, Joined, join};
+use crate::tree::WideTree;
 
-/// Parts, one after the other, that are traced as one [`WideTree`].
+/// Members, one after the other, that are traced as one [`WideTree`].
 ///
-/// A part lies in the same memory as the others and is never looked at again until it changes. What joins them is made anew
-/// by [`join`](Self::join), which only looks at the uppermost nodes of parts, and further down where parts overlap.
+/// A member lies in the same memory as the others and is never looked at again until it changes. What joins them is made anew
+/// by [`join`](Self::join), which only looks at the uppermost nodes of members, and further down where members overlap.
 ///
-/// Triangles have the numbers of their parts plus what is told when a part is put in, so that hits tell which part they are
-/// of. Equal `t` goes to the lower of these numbers, whatever the order of parts here.
+/// Triangles have the numbers of their members plus what is told when a member is put in, so that hits tell which member they are
+/// of. Equal `t` goes to the lower of these numbers, whatever the order of members here.
 ///
 /// ```
 /// use kd_core::{Mesh, Ray};
-/// use kd_trace::{Join, WideForest, WideTree};
+/// use kd_trace::RayQuery;
+/// use kd_wide::{Join, WideForest, WideTree};
 ///
 /// let at = |z: f32| Mesh::new(vec![[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]], vec![[0, 1, 2]]);
 /// let mut forest = WideForest::new();
@@ -41,7 +43,7 @@ pub struct WideForest {
 }
 
 impl WideForest {
-    /// No parts.
+    /// No members.
     pub fn new() -> Self {
         Self {
             tree: WideTree {
@@ -52,112 +54,116 @@ impl WideForest {
         }
     }
 
-    /// How many parts there are.
+    /// How many members there are.
     pub fn len(&self) -> usize {
-        self.tree.arrays.parts().len()
+        self.tree.arrays.members().len()
     }
 
-    /// Whether there are no parts.
+    /// Whether there are no members.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Adds a copy of `tree` after the other parts, with `first_slot` added to the numbers of its triangles.
+    /// Adds a copy of `tree` after the other members, with `first_slot` added to the numbers of its triangles.
     ///
-    /// Linear in the size of the part.
+    /// Linear in the size of the member.
     ///
     /// # Panics
     ///
     /// If `tree` is that of a forest. Where a number of a triangle does not fit 32 bits, it is wrapped.
     pub fn push(&mut self, tree: &WideTree, first_slot: u32) {
-        let part = tree.arrays.as_part();
-        self.tree.arrays.push_part(&tree.arrays, &part, first_slot);
+        let member = tree.arrays.as_member();
+        self.tree
+            .arrays
+            .push_member(&tree.arrays, &member, first_slot);
     }
 
-    /// Adds a copy of a part of another forest after the other parts. Linear in the size of the part.
+    /// Adds a copy of a member of another forest after the other members. Linear in the size of the member.
     ///
     /// # Panics
     ///
-    /// If there is no such part.
+    /// If there is no such member.
     pub fn push_copy(&mut self, from: &Self, number: usize) {
         let from = &from.tree.arrays;
-        self.tree.arrays.push_part(from, &from.parts()[number], 0);
+        self.tree
+            .arrays
+            .push_member(from, &from.members()[number], 0);
     }
 
-    /// Adds a copy of one of the parts after the others. Linear in the size of the part.
+    /// Adds a copy of one of the members after the others. Linear in the size of the member.
     ///
     /// # Panics
     ///
-    /// If there is no such part.
+    /// If there is no such member.
     pub fn push_again(&mut self, number: usize) {
         self.tree.arrays.push_again(number);
     }
 
-    /// Takes out the parts from a number on.
-    pub fn truncate(&mut self, parts: usize) {
-        self.tree.arrays.truncate_parts(parts);
+    /// Takes out the members from a number on.
+    pub fn truncate(&mut self, members: usize) {
+        self.tree.arrays.truncate_members(members);
     }
 
-    /// Adds to the numbers of all triangles of a part, modulo 2³². Linear in the size of the part.
+    /// Adds to the numbers of all triangles of a member, modulo 2³². Linear in the size of the member.
     ///
     /// # Panics
     ///
-    /// If there is no such part.
+    /// If there is no such member.
     pub fn add_to_slots(&mut self, number: usize, slots: u32) {
         self.tree.arrays.add_to_slots(number, slots);
     }
 
-    /// Moves the triangles of a part to where they are in `mesh`, which has as many as it was made from: it keeps its
+    /// Moves the triangles of a member to where they are in `mesh`, which has as many as it was made from: it keeps its
     /// nodes, with boxes around what is now in them. `first_slot` is that of [`push`](Self::push).
     ///
-    /// Linear in the size of the part. Where triangles that were neighbours part, rays become slow: [`cost`](Self::cost)
+    /// Linear in the size of the member. Where triangles that were neighbours member, rays become slow: [`cost`](Self::cost)
     /// tells.
     ///
     /// # Panics
     ///
-    /// If there is no such part; if the mesh has fewer triangles.
+    /// If there is no such member; if the mesh has fewer triangles.
     pub fn refit(&mut self, number: usize, mesh: &Mesh, first_slot: u32) {
         let refit = Refit {
             number,
             mesh,
             first_slot,
         };
-        self.refit_parts(&[refit], false);
+        self.refit_all(&[refit], false);
     }
 
-    /// [`refit`](Self::refit) for several parts, in the order of their numbers; on the threads of the pool in scope (rayon's)
+    /// [`refit`](Self::refit) for several members, in the order of their numbers; on the threads of the pool in scope (rayon's)
     /// if `is_parallel`, and with the same result. Without feature `parallel` it is one thread.
     ///
     /// # Panics
     ///
-    /// If there is no such part, if a mesh has fewer triangles, or if the numbers do not ascend.
-    pub fn refit_parts(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
-        self.tree.arrays.refit_parts(refits, is_parallel);
+    /// If there is no such member, if a mesh has fewer triangles, or if the numbers do not ascend.
+    pub fn refit_all(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
+        self.tree.arrays.refit_members(refits, is_parallel);
     }
 
-    /// What a part costs by the surface area heuristic: half areas of the boxes of all nodes and leaves below its root, each
+    /// What a member costs by the surface area heuristic: half areas of the boxes of all nodes and leaves below its root, each
     /// times what a ray takes that enters it, in visits of a node. Over the half area of a scene, it is what a random ray
-    /// through that takes in this part, on average.
+    /// through that takes in this member, on average.
     ///
-    /// Linear in the size of the part.
+    /// Linear in the size of the member.
     ///
     /// # Panics
     ///
-    /// If there is no such part.
+    /// If there is no such member.
     pub fn cost(&self, number: usize) -> f64 {
-        self.tree.arrays.cost_of_part(number)
+        self.tree.arrays.cost_of_member(number)
     }
 
-    /// Joins the parts, after which all of them can be traced. Until then, since the last change, nothing is hit.
+    /// Joins the members, after which all of them can be traced. Until then, since the last change, nothing is hit.
     ///
-    /// Where parts lie apart, this takes time by their number alone.
+    /// Where members lie apart, this takes time by their number alone.
     pub fn join(&mut self, options: Join) -> Joined {
         let (joined, bounds) = join(&mut self.tree.arrays, options);
         self.tree.frame = Frame::new(&bounds);
         joined
     }
 
-    /// What rays are traced through: the parts, as they were joined.
+    /// What rays are traced through: the members, as they were joined.
     pub fn tree(&self) -> &WideTree {
         &self.tree
     }
@@ -177,13 +183,13 @@ impl Default for WideForest {
     }
 }
 
-#[cfg(all(test, feature = "parallel"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Triangles in a row of parts that overlap with their neighbours, and where they are later.
+    /// Triangles in a row of members that overlap with their neighbours, and where they are later.
     fn forest_of_many(count: u32) -> (WideForest, Vec<Mesh>) {
-        let part = |number: u32, shift: f32| {
+        let member = |number: u32, shift: f32| {
             let x = number as f32 * 0.3 + shift;
             let positions = (0..300).map(|i| {
                 let i = i as f32;
@@ -194,10 +200,13 @@ mod tests {
         };
         let mut forest = WideForest::new();
         for number in 0..count {
-            let tree = WideTree::from_objects(&part(number, 1.0));
+            let tree = WideTree::from_objects(&member(number, 1.0));
             forest.push(&tree, 100 * number);
         }
-        (forest, (0..count).map(|number| part(number, 1.5)).collect())
+        (
+            forest,
+            (0..count).map(|number| member(number, 1.5)).collect(),
+        )
     }
 
     #[test]
@@ -211,7 +220,7 @@ mod tests {
                 mesh,
                 first_slot: 100 * u32::try_from(number).expect("few"),
             });
-            forest.refit_parts(&refits.collect::<Vec<_>>(), is_parallel);
+            forest.refit_all(&refits.collect::<Vec<_>>(), is_parallel);
             let joined = forest.join(Join {
                 open_above: 0.01,
                 is_parallel,
@@ -226,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "the numbers of parts ascend")]
+    #[should_panic(expected = "the numbers of members ascend")]
     fn a_part_is_refitted_once() {
         let (mut forest, moved) = forest_of_many(2);
         let refit = Refit {
@@ -234,6 +243,6 @@ mod tests {
             mesh: &moved[1],
             first_slot: 100,
         };
-        forest.refit_parts(&[refit, refit], false);
+        forest.refit_all(&[refit, refit], false);
     }
 }

@@ -7,7 +7,7 @@
 
 use kd_simd::LANES;
 
-use super::node::WIDTH;
+use crate::node::WIDTH;
 
 /// Cost of a wide node that a ray visits.
 const NODE: f32 = 1.0;

@@ -2,18 +2,18 @@
 
 use kd_core::{Axis, MAX_DEPTH, Mesh};
 
-use super::box_tree::{Added, BoxTree, Item, Leaves};
-use super::divide::{MOST_LEVELS, per_area};
+use crate::box_tree::{Added, BoxTree, Item, Leaves};
+use crate::divide::{MAX_LEVELS, per_area};
 
-const _: () = assert!(MAX_DEPTH <= MOST_LEVELS, "a ray's stack is large enough");
+const _: () = assert!(MAX_DEPTH <= MAX_LEVELS, "a ray's stack is large enough");
 
 /// A binary tree over the triangles of a mesh, each of them in one leaf or more: what
 /// [`WideTree::from_binary`](crate::WideTree::from_binary) is made from. Boxes are not asked for.
 ///
 /// ```
 /// use kd_core::{Axis, Mesh, Ray};
-/// use kd_trace::WideTree;
-/// use kd_trace::kit::{BinaryNode, BinaryTree};
+/// use kd_trace::RayQuery;
+/// use kd_wide::{BinaryNode, BinaryTree, WideTree};
 ///
 /// /// One triangle on each side.
 /// struct Two;
@@ -62,7 +62,7 @@ pub enum BinaryNode<'a> {
 }
 
 /// The boxes of a binary tree.
-pub(super) fn boxes_of_binary(tree: &impl BinaryTree, mesh: &Mesh) -> BoxTree {
+pub(crate) fn boxes_of_binary(tree: &impl BinaryTree, mesh: &Mesh) -> BoxTree {
     let mut copy = Copy {
         tree,
         mesh,

@@ -11,25 +11,27 @@
 use bytemuck::{Pod, Zeroable};
 use kd_core::Aabb;
 
-/// How many children a node has at most.
-pub(crate) const WIDTH: usize = 8;
+/// The largest number of children of a node.
+pub const WIDTH: usize = 8;
 
-/// A node, or the blocks of a leaf.
+/// A child of a wide node: a node, or the blocks of a leaf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
-pub(crate) struct Child(u32);
+pub struct Child(u32);
 
 impl Child {
     const LEAF: u32 = 1 << 31;
     const COUNT_SHIFT: u32 = 28;
-    /// How many blocks a leaf has at most.
+    /// The largest number of blocks of a leaf.
     pub(crate) const MOST_BLOCKS: u32 = 7;
     /// A leaf without blocks.
-    pub(crate) const NOTHING: Self = Self(Self::LEAF);
+    pub const NOTHING: Self = Self(Self::LEAF);
 
+    /// A node.
+    ///
     /// # Panics
     ///
-    /// From 2³¹ on. A tree has fewer references than 2³², and so fewer nodes than that by far.
+    /// From 2³¹ on. A tree has fewer references than 2³², and so far fewer nodes.
     pub(crate) fn node(index: usize) -> Self {
         let index = u32::try_from(index)
             .ok()
@@ -37,6 +39,8 @@ impl Child {
         Self(index.expect("fewer than 2^31 nodes"))
     }
 
+    /// The blocks of a leaf.
+    ///
     /// # Panics
     ///
     /// From 2²⁸ blocks on, which is 80 GiB of them, or for more than a leaf has.
@@ -51,18 +55,19 @@ impl Child {
         Self(Self::LEAF | blocks << Self::COUNT_SHIFT | first.expect("fewer than 2^28 blocks"))
     }
 
+    /// Whether it is a leaf.
     #[inline(always)]
-    pub(crate) fn is_leaf(self) -> bool {
+    pub fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
-    /// The index of a node.
+    /// The index of a node; meaningless for a leaf.
     #[inline(always)]
-    pub(crate) fn index(self) -> usize {
+    pub fn index(self) -> usize {
         self.0 as usize
     }
 
-    /// Whether there is such a child among so many nodes and blocks.
+    /// Whether the child is among the first `nodes` nodes and `blocks` blocks.
     pub(crate) fn is_within(self, nodes: usize, blocks: usize) -> bool {
         if self.is_leaf() {
             self.blocks().end <= blocks
@@ -71,8 +76,7 @@ impl Child {
         }
     }
 
-    /// What it is after all nodes and blocks have moved to later places by so many, or to earlier ones by so many less than
-    /// 2⁶⁴.
+    /// The child after all nodes and blocks have moved up by these numbers of places, modulo 2⁶⁴.
     ///
     /// # Panics
     ///
@@ -88,21 +92,25 @@ impl Child {
         }
     }
 
-    /// The blocks of a leaf.
+    /// The indices of the blocks of a leaf.
     #[inline(always)]
-    pub(crate) fn blocks(self) -> std::ops::Range<usize> {
+    pub fn blocks(self) -> std::ops::Range<usize> {
         let first = (self.0 & ((1 << Self::COUNT_SHIFT) - 1)) as usize;
         first..first + (self.0 >> Self::COUNT_SHIFT & Self::MOST_BLOCKS) as usize
     }
 }
 
-/// Boxes of up to eight children. Four cache lines.
+/// A node: up to eight children and their boxes. Four cache lines.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct WideNode {
-    pub(crate) faces: [[[f32; WIDTH]; 2]; 3],
-    pub(crate) children: [Child; WIDTH],
-    pub(crate) orders: [u32; 8],
+pub struct WideNode {
+    /// By axis: the lower faces of the children's boxes, then the upper ones, in scene units. Empty boxes in lanes without a
+    /// child.
+    pub faces: [[[f32; WIDTH]; 2]; 3],
+    /// [`Child::NOTHING`] in lanes without a child.
+    pub children: [Child; WIDTH],
+    /// By octant of directions (bit 0, 1, 2 set where x, y, z is negative): the lanes from far to near, three bits each.
+    pub orders: [u32; 8],
 }
 
 const _: () = assert!(size_of::<WideNode>() == 256, "four cache lines");
@@ -123,8 +131,8 @@ impl WideNode {
         self.children[lane] = child;
     }
 
-    /// The box of a child; an empty one where there is none.
-    pub(crate) fn bounds(&self, lane: usize) -> Aabb {
+    /// The box of a child; an empty box where there is none.
+    pub fn bounds(&self, lane: usize) -> Aabb {
         let corner = |side: usize| self.faces.map(|faces| faces[side][lane]).into();
         Aabb {
             min: corner(0),
@@ -132,8 +140,7 @@ impl WideNode {
         }
     }
 
-    /// Has rays meet the children in the order of the centres of their boxes, along the diagonal of each octant of
-    /// directions.
+    /// Sets the orders: rays meet the children by the centres of their boxes along the diagonal of each octant.
     pub(crate) fn order_by_centers(&mut self) {
         // Lanes without a child are never met, wherever they are.
         let centers: [[f32; WIDTH]; 3] = self.faces.map(|[starts, ends]| {
@@ -166,7 +173,7 @@ impl WideNode {
     }
 
     /// The lanes that have a child.
-    pub(crate) fn lanes(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn lanes(&self) -> impl Iterator<Item = usize> + '_ {
         (0..WIDTH).filter(|lane| self.children[*lane] != Child::NOTHING)
     }
 }

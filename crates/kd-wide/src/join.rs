@@ -1,26 +1,26 @@
-//! The nodes that join the parts of a tree, which stay as they are.
+//! The nodes that join the members of a tree, which stay as they are.
 //!
-//! Parts that lie apart are linked whole. Where parts overlap, a node that is large for the place it is in is *opened*: its
+//! Members that lie apart are linked whole. Where members overlap, a node that is large for the place it is in is *opened*: its
 //! children take its place, and lie beside what they overlap with, so that rays meet all of it from front to back. Nothing
 //! below a node that was not opened is looked at (C. Benthin, S. Woop, I. Wald, A. Áfra, *Improved Two-Level BVHs using
 //! Partial Re-Braiding*, 2017).
 
 use kd_core::{Aabb, Axis};
 
-use super::arrays::Arrays;
-use super::box_tree::{Added, BoxTree, Item, Leaves};
-use super::divide::{MOST_DIVISIONS, per_area};
-use super::emit;
-use super::node::Child;
-use super::object_split::ObjectSplit;
+use crate::arrays::Arrays;
+use crate::box_tree::{Added, BoxTree, Item, Leaves};
+use crate::divide::{MOST_DIVISIONS, per_area};
+use crate::emit;
+use crate::node::Child;
+use crate::object_split::ObjectSplit;
 
-/// How parts are joined.
+/// How members are joined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Join {
-    /// Nodes are opened whose box has at least this part of the half area of the box around all that is joined in a place.
+    /// Nodes are opened whose box has at least this member of the half area of the box around all that is joined in a place.
     /// Infinite: none.
     pub open_above: f64,
-    /// Whether it is done on the threads of the pool in scope (rayon's), where there are many parts. The result is the same.
+    /// Whether it is done on the threads of the pool in scope (rayon's), where there are many members. The result is the same.
     /// Without feature `parallel` it is one thread.
     pub is_parallel: bool,
 }
@@ -40,23 +40,22 @@ impl Default for Join {
 /// What was joined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Joined {
-    /// New nodes over the parts.
+    /// New nodes over the members.
     pub nodes: usize,
-    /// Subtrees of parts that those refer to.
+    /// Subtrees of members that those refer to.
     pub links: usize,
-    /// Nodes of parts that were opened, so that rays no longer visit them.
+    /// Nodes of members that were opened, so that rays no longer visit them.
     pub opened: usize,
 }
 
-/// A subtree of a part.
+/// A subtree of a member.
 #[derive(Clone, Copy, Debug)]
 struct Link {
     child: Child,
-    part: u32,
+    member: u32,
 }
 
 /// Subtrees below which those on either side of a division are not worth a thread of their own.
-#[cfg(feature = "parallel")]
 const TASK: usize = 256;
 
 struct Joiner<'a> {
@@ -66,18 +65,18 @@ struct Joiner<'a> {
 }
 
 /// What has been joined of a place, and what of.
-struct Part {
+struct Joint {
     links: Vec<Link>,
     opened: usize,
     boxes: BoxTree,
 }
 
-/// Puts a top over all parts, and tells the box around them.
-pub(super) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
+/// Puts a top over all members, and tells the box around them.
+pub(crate) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
     let mut links = Vec::new();
     let mut items = Vec::new();
-    for (part, number) in arrays.parts().iter().zip(0..) {
-        let child = part.root();
+    for (member, number) in arrays.members().iter().zip(0..) {
+        let child = member.root();
         if child == Child::NOTHING {
             continue;
         }
@@ -87,7 +86,7 @@ pub(super) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
         items.push(Item::within(bounds, to_u32(links.len())));
         links.push(Link {
             child,
-            part: number,
+            member: number,
         });
     }
     let bounds = Item::around(&items);
@@ -96,17 +95,17 @@ pub(super) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
         options,
         per_area: per_area(&bounds),
     };
-    let mut part = Part::new(links);
+    let mut member = Joint::new(links);
     if !items.is_empty() {
-        joiner.add(items, 0, &mut part);
+        joiner.add(items, 0, &mut member);
     }
-    let Part {
+    let Joint {
         links,
         opened,
         boxes,
-    } = part;
+    } = member;
     let children: Vec<Child> = links.iter().map(|link| link.child).collect();
-    let (nodes, root) = emit::emit_links(&boxes, &children, arrays.nodes_of_parts());
+    let (nodes, root) = emit::emit_links(&boxes, &children, arrays.nodes_of_members());
     let joined = Joined {
         nodes: nodes.len(),
         links: boxes.root().map_or(0, |root| boxes.items(root).len()),
@@ -116,7 +115,7 @@ pub(super) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
     (joined, bounds)
 }
 
-impl Part {
+impl Joint {
     fn new(links: Vec<Link>) -> Self {
         Self {
             links,
@@ -128,7 +127,7 @@ impl Part {
 
 impl Joiner<'_> {
     /// Adds the boxes of what lies in a place. `divisions` is how often that was divided.
-    fn add(&self, mut items: Vec<Item>, divisions: usize, to: &mut Part) -> Added {
+    fn add(&self, mut items: Vec<Item>, divisions: usize, to: &mut Joint) -> Added {
         if divisions < MOST_DIVISIONS {
             self.open(&mut items, to);
         }
@@ -144,8 +143,8 @@ impl Joiner<'_> {
             None => (Axis::X, items.len() / 2),
         };
         let upper = items.split_off(middle);
-        let parts = self.add_both(items, upper, divisions + 1, to);
-        to.boxes.set_split(place, axis, parts, self.per_area)
+        let members = self.add_both(items, upper, divisions + 1, to);
+        to.boxes.set_split(place, axis, members, self.per_area)
     }
 
     fn add_both(
@@ -153,13 +152,13 @@ impl Joiner<'_> {
         lower: Vec<Item>,
         upper: Vec<Item>,
         divisions: usize,
-        to: &mut Part,
+        to: &mut Joint,
     ) -> [Added; 2] {
-        #[cfg(feature = "parallel")]
         if self.options.is_parallel && lower.len().min(upper.len()) >= TASK {
             let mut upper = upper;
-            let mut other = Part::new(to.take_links(&mut upper));
-            let (lower, added) = rayon::join(
+            let mut other = Joint::new(to.take_links(&mut upper));
+            let (lower, added) = kd_tasks::join_if(
+                true,
                 || self.add(lower, divisions, to),
                 || self.add(upper, divisions, &mut other),
             );
@@ -169,8 +168,8 @@ impl Joiner<'_> {
         [lower, self.add(upper, divisions, to)]
     }
 
-    /// Opens what is large among them, and overlaps with something of another part.
-    fn open(&self, items: &mut Vec<Item>, to: &mut Part) {
+    /// Opens what is large among them, and overlaps with something of another member.
+    fn open(&self, items: &mut Vec<Item>, to: &mut Joint) {
         let least = self.options.open_above * Item::around(items).half_area();
         let mut next = 0;
         while next < items.len() {
@@ -195,15 +194,15 @@ impl Joiner<'_> {
     }
 }
 
-impl Part {
-    /// Whether two overlap, and are of different parts.
+impl Joint {
+    /// Whether two overlap, and are of different members.
     fn is_mixed(&self, a: &Item, b: &Item) -> bool {
         let overlap = a.min.cmple(b.max) & b.min.cmple(a.max);
-        overlap.all() && self.links[a.number as usize].part != self.links[b.number as usize].part
+        overlap.all()
+            && self.links[a.number as usize].member != self.links[b.number as usize].member
     }
 
     /// The links of some items, which are numbered anew for them.
-    #[cfg(feature = "parallel")]
     fn take_links(&self, items: &mut [Item]) -> Vec<Link> {
         let numbered = items.iter_mut().zip(0..);
         numbered
@@ -212,7 +211,6 @@ impl Part {
     }
 
     /// Adds all of what was joined elsewhere, whose root was added to it last as `root`.
-    #[cfg(feature = "parallel")]
     fn append(&mut self, other: &Self, root: Added) -> Added {
         let links = to_u32(self.links.len());
         self.links.extend(&other.links);

@@ -5,29 +5,29 @@
               of a ray's time"
 )]
 
-use super::node::{Child, WideNode};
 use crate::block::Block;
+use crate::node::{Child, WideNode};
 
-pub(crate) mod parts;
+mod members;
 mod refit;
 
 pub use refit::Refit;
 
-pub(crate) use parts::Part;
+pub(crate) use members::Member;
 
 /// All nodes and blocks of a tree: every child of a node, and the root, is one of its nodes or lies within its blocks.
 ///
 /// ```text
-/// nodes    part 0 | part 1 | … | top        blocks   part 0 | part 1 | …
+/// nodes    member 0 | member 1 | … | top        blocks   member 0 | member 1 | …
 /// ```
-/// The children of nodes of a part are in the same part. The top joins the parts; a tree that was made in one go has no
+/// The children of nodes of a member are in the same member. The top joins the members; a tree that was made in one go has no
 /// others.
 #[derive(Clone, Debug)]
 pub(crate) struct Arrays {
     nodes: Vec<WideNode>,
     blocks: Vec<Block>,
     root: Child,
-    parts: Vec<Part>,
+    members: Vec<Member>,
 }
 
 impl Arrays {
@@ -45,7 +45,7 @@ impl Arrays {
             nodes,
             blocks,
             root,
-            parts: Vec::new(),
+            members: Vec::new(),
         }
     }
 

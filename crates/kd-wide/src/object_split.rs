@@ -4,7 +4,7 @@
 use glam::Vec3A;
 use kd_core::Axis;
 
-use super::box_tree::Item;
+use crate::box_tree::Item;
 
 /// Parts of an axis, between which a division may be: of many items, and of few, for which looking at every part takes
 /// longer than at every item.
@@ -15,15 +15,31 @@ const FEW: usize = 48;
 /// Adding it leaves the nearest integer in the lowest bits.
 const TO_INTEGER: f32 = (1 << 23) as f32;
 
-/// A division of items by the bins of their centres.
+/// A division of items between two bins of their centers: the object split of the whole workspace.
+///
+/// ```
+/// use glam::Vec3;
+/// use kd_core::{Aabb, Axis};
+/// use kd_wide::{Item, ObjectSplit};
+///
+/// // Unit cubes at x = 0, 1, 2 and at x = 10, 11.
+/// let cube = |(number, x): (u32, f32)| {
+///     Item::within(Aabb { min: Vec3::new(x, 0.0, 0.0), max: Vec3::new(x + 1.0, 1.0, 1.0) }, number)
+/// };
+/// let mut items: Vec<Item> = (0..).zip([10.0, 0.0, 1.0, 11.0, 2.0]).map(cube).collect();
+/// let split = ObjectSplit::best(&items).expect("the centers differ");
+/// let lower = split.apply(&mut items);
+/// assert_eq!((split.axis, lower), (Axis::X, 3));
+/// ```
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ObjectSplit {
-    pub(crate) axis: Axis,
+pub struct ObjectSplit {
+    /// The axis that the bins are on.
+    pub axis: Axis,
     bins: Bins,
     /// The first bin of the upper part.
     first_upper: u32,
-    /// The half areas of both boxes, each times its items.
-    pub(crate) cost: f32,
+    /// The SAH cost: the half area of the box on each side times its number of items, in squared scene units.
+    pub cost: f32,
 }
 
 /// Equal parts of each axis, measured in twice the coordinates of centres. (The first and the last are half as long.)
@@ -82,8 +98,10 @@ impl Group {
 }
 
 impl ObjectSplit {
-    /// The division of least cost; `None` where all centres are in one place, or further apart than f32 can tell.
-    pub(crate) fn best(items: &[Item]) -> Option<Self> {
+    /// The split of least SAH cost; `None` if all centers are equal, or further apart than f32 can represent.
+    ///
+    /// Linear in the number of items: 32 bins on each axis, 16 for at most 48 items.
+    pub fn best(items: &[Item]) -> Option<Self> {
         if items.len() > FEW {
             Self::best_of::<BINS>(items)
         } else {
@@ -132,8 +150,10 @@ impl ObjectSplit {
         best
     }
 
-    /// Moves the lower part to the front, and tells how many items that are: some, and not all.
-    pub(crate) fn apply(&self, items: &mut [Item]) -> usize {
+    /// Moves the items of the lower side to the front and returns their number, which is neither 0 nor all.
+    ///
+    /// The items must be those that the split was made for.
+    pub fn apply(&self, items: &mut [Item]) -> usize {
         let last = most_bin(items);
         let axis = self.axis.index();
         let mut lower = 0;
