@@ -1,7 +1,7 @@
-//! Where nodes and references live: one append-only array of each, in segments.
+//! Storage of nodes and references: one append-only array of each, in segments.
 //!
-//! Because a child lies either further on in the fresh part or in a frozen segment, there are no cycles, and freezing
-//! looks at the fresh part only: the depth below a frozen node is stored as its height.
+//! A child is stored either behind its parent in the fresh range or in a frozen segment, so cycles are impossible. Freezing
+//! checks the fresh range only, since the arena stores the height of each frozen node.
 
 use bytemuck::cast_slice;
 use thiserror::Error;
@@ -9,154 +9,157 @@ use thiserror::Error;
 use crate::{Node, NodeIndex, Pair, Slot, Tree};
 
 /// The greatest number of interior nodes between a root and a leaf. Builders stay below it, freezing checks it, and
-/// traversals size their stacks by it.
+/// traversals size their stacks for it.
 pub const MAX_DEPTH: usize = 64;
 
-/// Why nodes do not make a valid tree.
+/// The reason why nodes and references do not form a valid tree.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum TreeError {
-    /// There are no nodes at all; an empty tree is one empty leaf.
-    #[error("there is no root node")]
+    /// The list of nodes is empty. An empty tree has one node, an empty leaf.
+    #[error("the tree has no root node")]
     NoRoot,
-    /// An interior node's plane is NaN or infinite.
+    /// The plane of an interior node is NaN or infinite.
     #[error("node {node}: its split is not finite")]
     SplitNotFinite {
-        /// The node's index.
+        /// The index of the node.
         node: NodeIndex,
     },
-    /// A child index does not name the first node of a pair in the arena.
+    /// A child index is not the index of the first node of a pair in the arena.
     #[error("node {node}: child {child} is not the start of a pair of the arena")]
     BadChild {
-        /// The node's index.
+        /// The index of the node.
         node: NodeIndex,
-        /// Where its children should be.
+        /// The child index that the node holds.
         child: NodeIndex,
     },
-    /// A child lies before its parent in the segment being written, which could make a cycle.
-    #[error("node {node}: child {child} does not lie behind it")]
+    /// A child is stored before its parent in the fresh range, which could form a cycle.
+    #[error("node {node}: child {child} is not stored behind it")]
     ChildNotBehind {
-        /// The node's index.
+        /// The index of the node.
         node: NodeIndex,
-        /// Where its children are.
+        /// The index of its lower child.
         child: NodeIndex,
     },
-    /// A leaf's references reach past the end of the arena.
-    #[error("leaf {node}: references {first} + {count} are out of range, there are {refs}")]
+    /// The references of a leaf reach past the end of the arena.
+    #[error("leaf {node}: references {first} + {count} are out of range, the arena has {refs}")]
     RefsOutOfRange {
-        /// The leaf's index.
+        /// The index of the leaf.
         node: NodeIndex,
-        /// Its first reference.
+        /// The index of its first reference.
         first: u32,
-        /// How many references it has.
+        /// The number of its references.
         count: u32,
-        /// How many there are in the arena.
+        /// The number of references of the arena.
         refs: usize,
     },
-    /// A reference names a triangle that does not exist.
-    #[error("reference {index}: triangle {slot} is out of range, there are {slots}")]
+    /// A reference holds the number of a triangle that does not exist.
+    #[error("reference {index}: triangle {slot} is out of range, there are {slots} triangles")]
     SlotOutOfRange {
-        /// Position of the reference in the arena.
+        /// The index of the reference in the arena.
         index: usize,
-        /// What it refers to.
+        /// The number of the triangle.
         slot: Slot,
-        /// How many triangles there are.
+        /// The number of triangles.
         slots: u32,
     },
     /// More than [`MAX_DEPTH`] interior nodes above some leaf.
     #[error("node {node}: more than {MAX_DEPTH} levels below it")]
     TooDeep {
-        /// The node where the limit is passed.
+        /// The index of a node with more levels below it.
         node: NodeIndex,
     },
-    /// Two parents have the same children, where each node should have one parent.
-    #[error("node {node}: its children {child} have another parent already")]
+    /// Two nodes have the same children, in a tree where each node must have one parent.
+    #[error("node {node}: its children {child} already have another parent")]
     SharedChild {
-        /// The second parent.
+        /// The index of the second parent.
         node: NodeIndex,
-        /// The children.
+        /// The index of the lower child.
         child: NodeIndex,
     },
-    /// The leaves together have more references than there are, so some of them share references, where each should
-    /// have its own.
-    #[error("leaves have {used} references, but there are only {refs}")]
+    /// The leaves have more references in total than the tree, so some leaves share references. Each must have its own.
+    #[error("the leaves have {used} references in total, the tree has only {refs}")]
     SharedRefs {
         /// The sum over all leaves.
         used: u64,
-        /// How many there are.
+        /// The number of references of the tree.
         refs: usize,
     },
-    /// Fewer triangles than a segment that is frozen already may refer to.
-    #[error("{slots} triangles, but frozen segments refer to as many as {frozen}")]
+    /// The number of triangles is below that of an earlier frozen segment.
+    #[error("{slots} triangles are fewer than the {frozen} of the frozen segments")]
     FewerSlots {
-        /// How many there should be now.
+        /// The number of triangles given.
         slots: u32,
-        /// How many there were.
+        /// The number of triangles of the frozen segments.
         frozen: u32,
     },
-    /// The node that should be the root is not frozen.
+    /// The root is not a frozen node.
     #[error("root {node} is not a frozen node")]
     BadRoot {
-        /// The node.
+        /// The index of the root.
         node: NodeIndex,
     },
-    /// A transform that does more than to translate, and to scale along the axes.
-    #[error("the transform turns or shears, so that planes across axes would no longer be such")]
+    /// The transform does more than translate and scale along the axes.
+    #[error(
+        "the transform rotates or shears: split planes would not stay perpendicular to an axis"
+    )]
     NotAlongAxes,
     /// The box is neither finite nor empty.
     #[error("the bounds are not finite")]
     BadBounds,
-    /// The cost model that came with the nodes makes no sense.
+    /// A field of the cost model is out of range.
     #[error("`{field}` must be {rule}")]
     BadCost {
-        /// Which number.
+        /// The name of the field, such as `cost.traverse`.
         field: &'static str,
-        /// What it must be.
+        /// The valid range, such as `positive and finite`.
         rule: &'static str,
     },
-    /// Nodes are indexed with 30 bits, references with 32.
-    #[error("the tree does not fit: {nodes} nodes, {refs} references")]
+    /// Nodes are indexed with 30 bits, references with 32 bits.
+    #[error(
+        "{nodes} nodes and {refs} references are too many, indices have 30 bits for nodes and 32 for references"
+    )]
     TooLarge {
-        /// How many nodes there would be.
+        /// The number of nodes that the tree would have.
         nodes: usize,
-        /// How many references there would be.
+        /// The number of references that the tree would have.
         refs: usize,
     },
 }
 
 /// Nodes and references of one or more trees.
 ///
-/// A **frozen** segment has been validated and never changes; nodes of any later segment may link to its subtrees.
-/// Behind the last frozen segment lies the **fresh** part, which is being written.
+/// A **frozen** segment has been validated and never changes. Nodes of later segments may link to its subtrees. The
+/// **fresh** range behind the last frozen segment is being written.
 #[derive(Clone, Debug, Default)]
 pub struct Arena {
     pairs: Vec<Pair>,
     refs: Vec<Slot>,
-    /// Levels below each frozen node; 0 for a leaf.
+    /// The number of levels below each frozen node; 0 for a leaf.
     heights: Vec<u8>,
-    /// Where each frozen segment ends.
-    segments: Vec<End>,
+    /// The end of each frozen segment.
+    segments: Vec<SegmentEnd>,
 }
 
-/// The end of a segment.
+/// The end of a segment: the numbers of pairs and references up to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct End {
+struct SegmentEnd {
     pairs: usize,
     refs: usize,
-    /// References in all segments up to here are below this.
+    /// References of this segment and of those before it are below this number.
     slots: u32,
 }
 
-/// As many as 30 bits can index.
+/// The number of pairs that 30 bits can index.
 const MAX_PAIRS: usize = 1 << 29;
 
 impl Arena {
-    /// Nothing yet.
+    /// An empty arena.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Pairs and references that a builder made, with indices from 0, all fresh. Nothing is copied.
+    /// An arena of a builder's pairs and references, with indices from 0, all fresh. Nothing is copied.
     pub(crate) fn from_vecs(pairs: Vec<Pair>, refs: Vec<Slot>) -> Result<Self, TreeError> {
         if pairs.len() > MAX_PAIRS || u32::try_from(refs.len()).is_err() {
             return Err(TreeError::TooLarge {
@@ -171,34 +174,34 @@ impl Arena {
         })
     }
 
-    /// How many triangles the frozen segments may refer to.
+    /// The number of triangles that frozen segments may refer to.
     pub(crate) fn slots(&self) -> u32 {
         self.frozen().slots
     }
 
-    /// All nodes, two to a pair, in the order they were appended. Some may be unreachable from a given tree.
+    /// All nodes, two per pair, in the order in which they were appended. Some may be unreachable from a given root.
     #[inline]
     pub fn nodes(&self) -> &[Node] {
         cast_slice(&self.pairs)
     }
 
-    /// All references.
+    /// All references, in the order in which they were appended.
     #[inline]
     pub fn refs(&self) -> &[Slot] {
         &self.refs
     }
 
-    /// How many segments are frozen.
+    /// The number of frozen segments.
     pub fn segments(&self) -> usize {
         self.segments.len()
     }
 
-    /// Appends a finished subtree whose indices count from 0, root in the first node of its first pair, and gives
-    /// the root's place. It is fresh until the next [`freeze`](Self::freeze). Linear in the subtree.
+    /// Appends a complete subtree and returns the index of its root. Indices in the subtree count from 0, and its root is
+    /// the first node of its first pair. It is fresh until the next [`freeze`](Self::freeze). Linear in the subtree.
     ///
     /// # Errors
     ///
-    /// [`TreeError::TooLarge`] if it does not fit; the arena is unchanged then.
+    /// [`TreeError::TooLarge`] if the subtree does not fit; the arena is then unchanged.
     pub fn append(&mut self, pairs: &[Pair], refs: &[Slot]) -> Result<NodeIndex, TreeError> {
         let (old_pairs, old_refs) = (self.pairs.len(), self.refs.len());
         let too_large = TreeError::TooLarge {
@@ -225,13 +228,13 @@ impl Arena {
         Ok(NodeIndex(node_base))
     }
 
-    /// Appends all of a tree, whose references become those of `first_slot` and on, and gives its root's place. Linear in
-    /// the tree.
+    /// Appends a whole tree, adds `first_slot` to each of its references, and returns the index of its root. Linear in the
+    /// tree.
     ///
     /// # Errors
     ///
-    /// [`TreeError::TooLarge`] if it does not fit, [`TreeError::SlotOutOfRange`] if slots would be larger than 32 bits; the
-    /// arena is unchanged then.
+    /// [`TreeError::TooLarge`] if the tree does not fit, [`TreeError::SlotOutOfRange`] if slots would exceed 32 bits; the
+    /// arena is then unchanged.
     pub fn append_tree(&mut self, tree: &Tree, first_slot: u32) -> Result<NodeIndex, TreeError> {
         if first_slot.checked_add(tree.triangles()).is_none() {
             return Err(TreeError::SlotOutOfRange {
@@ -244,15 +247,16 @@ impl Arena {
         self.append_mapped(tree, moved)
     }
 
-    /// Appends all of a tree, whose reference `i` becomes `slots[i]`, and gives its root's place. Linear in the tree.
+    /// Appends a whole tree, replaces each reference to triangle `i` by `slots[i]`, and returns the index of its root. Linear
+    /// in the tree.
     ///
     /// # Errors
     ///
-    /// [`TreeError::TooLarge`] if it does not fit; the arena is unchanged then.
+    /// [`TreeError::TooLarge`] if the tree does not fit; the arena is then unchanged.
     ///
     /// # Panics
     ///
-    /// If there are fewer slots than the tree has triangles.
+    /// If `slots` has fewer elements than the tree has triangles.
     pub fn append_renumbered(
         &mut self,
         tree: &Tree,
@@ -271,30 +275,30 @@ impl Arena {
         Ok(NodeIndex(first.0 + tree.root().0))
     }
 
-    /// Appends references, and gives the place of the first.
+    /// Appends references and returns the index of the first.
     ///
     /// # Errors
     ///
-    /// [`TreeError::TooLarge`] if they do not fit.
+    /// [`TreeError::TooLarge`] if they do not fit; the arena is then unchanged.
     pub fn push_refs(&mut self, refs: &[Slot]) -> Result<u32, TreeError> {
         let first = self.refs.len();
         let ends = [first, first + refs.len()].map(u32::try_from);
-        let [Ok(place), Ok(_)] = ends else {
+        let [Ok(index), Ok(_)] = ends else {
             return Err(TreeError::TooLarge {
                 nodes: 2 * self.pairs.len(),
                 refs: first + refs.len(),
             });
         };
         self.refs.extend_from_slice(refs);
-        Ok(place)
+        Ok(index)
     }
 
-    /// Appends a pair whose nodes hold absolute indices, and gives the place of its first node. This is how a tree
-    /// is put together from parts that lie in the arena already: a subtree is linked by copying its root.
+    /// Appends a pair whose nodes hold absolute indices, and returns the index of its first node. Merging links subtrees
+    /// of the arena in this way: a copy of a subtree's root links the subtree.
     ///
     /// # Errors
     ///
-    /// [`TreeError::TooLarge`] if it does not fit.
+    /// [`TreeError::TooLarge`] if the pair does not fit; the arena is then unchanged.
     pub fn push(&mut self, pair: Pair) -> Result<NodeIndex, TreeError> {
         let too_large = TreeError::TooLarge {
             nodes: 2 * self.pairs.len() + 2,
@@ -303,34 +307,34 @@ impl Arena {
         if self.pairs.len() >= MAX_PAIRS {
             return Err(too_large);
         }
-        let place = u32::try_from(2 * self.pairs.len()).map_err(|_| too_large)?;
+        let index = u32::try_from(2 * self.pairs.len()).map_err(|_| too_large)?;
         self.pairs.push(pair);
-        Ok(NodeIndex(place))
+        Ok(NodeIndex(index))
     }
 
-    /// Replaces a fresh node; used to put in a parent once its children have their places.
+    /// Replaces a fresh node. A parent is set in this way once the indices of its children are known.
     ///
     /// # Panics
     ///
     /// If the node is frozen or does not exist.
-    pub fn set(&mut self, place: NodeIndex, node: Node) {
+    pub fn set(&mut self, index: NodeIndex, node: Node) {
         assert!(
-            place.index() / 2 >= self.frozen().pairs,
-            "node {place} is frozen"
+            index.index() / 2 >= self.frozen().pairs,
+            "node {index} is frozen"
         );
-        self.pairs[place.index() / 2].0[place.index() % 2] = node;
+        self.pairs[index.index() / 2].0[index.index() % 2] = node;
     }
 
-    /// Validates the fresh part and freezes it as one more segment. `slots` is the number of triangles there are, no
-    /// fewer than the time before.
+    /// Validates the fresh range and freezes it as a new segment. `slots` is the number of triangles, not below that of the
+    /// previous call.
     ///
-    /// Afterwards every interior node has a finite plane and two children in the arena, every leaf's references are
-    /// in range and name existing triangles, there are no cycles, and no path is longer than [`MAX_DEPTH`].
-    /// Traversals rely on this instead of checking again. Linear in the fresh part, whatever the frozen one holds.
+    /// Afterwards every interior node has a finite plane and two children in the arena, the references of every leaf are
+    /// in range and refer to existing triangles, no cycle exists, and no path has more than [`MAX_DEPTH`] interior nodes.
+    /// Traversals rely on this and check nothing again. Linear in the fresh range, independent of the frozen segments.
     ///
     /// # Errors
     ///
-    /// [`TreeError`] names the first broken node; the fresh part stays as it is, not frozen.
+    /// [`TreeError`] names the first invalid node or reference; the range then stays fresh and unchanged.
     pub fn freeze(&mut self, slots: u32) -> Result<(), TreeError> {
         let start = self.frozen();
         if slots < start.slots {
@@ -348,12 +352,12 @@ impl Arena {
             });
         }
         let mut fresh_heights = vec![0_u8; 2 * (self.pairs.len() - start.pairs)];
-        // Children lie behind their parents, so that going backwards their heights are known first.
-        for place in (2 * start.pairs..2 * self.pairs.len()).rev() {
-            fresh_heights[place - 2 * start.pairs] = self.checked_height(place, &fresh_heights)?;
+        // Children are stored behind their parents, so a backward pass knows their heights first.
+        for index in (2 * start.pairs..2 * self.pairs.len()).rev() {
+            fresh_heights[index - 2 * start.pairs] = self.checked_height(index, &fresh_heights)?;
         }
         self.heights.extend_from_slice(&fresh_heights);
-        self.segments.push(End {
+        self.segments.push(SegmentEnd {
             pairs: self.pairs.len(),
             refs: self.refs.len(),
             slots,
@@ -361,47 +365,52 @@ impl Arena {
         Ok(())
     }
 
-    /// Forgets everything behind the first `segments` frozen segments. Constant time.
+    /// Removes everything behind the first `segments` frozen segments, fresh nodes included. Constant time.
     ///
     /// # Panics
     ///
-    /// If fewer segments are frozen.
+    /// If the arena has fewer frozen segments.
     pub fn truncate(&mut self, segments: usize) {
         self.segments.truncate(segments);
-        assert_eq!(self.segments.len(), segments, "so many segments are frozen");
+        assert_eq!(
+            self.segments.len(),
+            segments,
+            "the arena has fewer frozen segments"
+        );
         let end = self.frozen();
         self.pairs.truncate(end.pairs);
         self.refs.truncate(end.refs);
         self.heights.truncate(2 * end.pairs);
     }
 
-    /// Levels below a frozen node, 0 for a leaf; `None` for a fresh one.
-    pub fn height(&self, place: NodeIndex) -> Option<u8> {
-        self.heights.get(place.index()).copied()
+    /// The number of levels below a frozen node, 0 for a leaf; `None` for a fresh node. Constant time.
+    pub fn height(&self, index: NodeIndex) -> Option<u8> {
+        self.heights.get(index.index()).copied()
     }
 
-    /// Bytes held by nodes, references and heights.
+    /// Bytes of nodes, references and heights.
     pub fn bytes(&self) -> usize {
         size_of_val(self.pairs.as_slice())
             + size_of_val(self.refs.as_slice())
             + size_of_val(self.heights.as_slice())
     }
 
-    fn frozen(&self) -> End {
+    /// The end of the last frozen segment.
+    fn frozen(&self) -> SegmentEnd {
         self.segments.last().copied().unwrap_or_default()
     }
 
-    /// Checks one fresh node whose children, if fresh, have their heights in `fresh_heights` already.
-    fn checked_height(&self, place: usize, fresh_heights: &[u8]) -> Result<u8, TreeError> {
+    /// Checks one fresh node and returns its height. The heights of its fresh children are in `fresh_heights`.
+    fn checked_height(&self, index: usize, fresh_heights: &[u8]) -> Result<u8, TreeError> {
         let fresh_start = self.heights.len();
-        let node = self.nodes()[place];
-        let place =
-            NodeIndex(u32::try_from(place).expect("append and push keep indices in 30 bits"));
+        let node = self.nodes()[index];
+        let index =
+            NodeIndex(u32::try_from(index).expect("append and push keep indices in 30 bits"));
         if node.is_leaf() {
             let end = u64::from(node.first_ref()) + u64::from(node.count());
             if end > self.refs.len() as u64 {
                 return Err(TreeError::RefsOutOfRange {
-                    node: place,
+                    node: index,
                     first: node.first_ref(),
                     count: node.count(),
                     refs: self.refs.len(),
@@ -410,22 +419,22 @@ impl Arena {
             return Ok(0);
         }
         if !node.split().is_finite() {
-            return Err(TreeError::SplitNotFinite { node: place });
+            return Err(TreeError::SplitNotFinite { node: index });
         }
         let child = node.first_child();
         if !child.index().is_multiple_of(2) || child.index() >= 2 * self.pairs.len() {
-            return Err(TreeError::BadChild { node: place, child });
+            return Err(TreeError::BadChild { node: index, child });
         }
         let height_of = |node: NodeIndex| {
             self.height(node)
                 .unwrap_or_else(|| fresh_heights[node.index() - fresh_start])
         };
-        if child.index() >= fresh_start && child.index() <= place.index() {
-            return Err(TreeError::ChildNotBehind { node: place, child });
+        if child.index() >= fresh_start && child.index() <= index.index() {
+            return Err(TreeError::ChildNotBehind { node: index, child });
         }
         let height = 1 + height_of(child).max(height_of(child.sibling()));
         if usize::from(height) > MAX_DEPTH {
-            return Err(TreeError::TooDeep { node: place });
+            return Err(TreeError::TooDeep { node: index });
         }
         Ok(height)
     }
@@ -449,7 +458,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_are_appended_with_slots_of_their_own() {
+    fn appended_trees_get_their_own_slots() {
         let pairs = vec![root(interior(2)), Pair([leaf(0, 1), leaf(1, 1)])];
         let refs = vec![Slot(1), Slot(0)];
         let tree = Tree::from_parts(
@@ -461,24 +470,28 @@ mod tests {
         );
         let tree = tree.expect("valid");
         let mut arena = Arena::new();
-        assert_eq!(arena.append_tree(&tree, 0), Ok(NodeIndex(0)), "the first");
-        assert_eq!(arena.append_tree(&tree, 5), Ok(NodeIndex(4)), "the second");
-        assert_eq!(arena.refs(), [1, 0, 6, 5].map(Slot), "numbered on");
-        assert_eq!(arena.nodes()[4], interior(6), "and its nodes are its own");
-        assert_eq!(arena.push_refs(&[Slot(3)]), Ok(4), "behind them");
+        assert_eq!(arena.append_tree(&tree, 0), Ok(NodeIndex(0)), "first tree");
+        assert_eq!(arena.append_tree(&tree, 5), Ok(NodeIndex(4)), "second tree");
+        assert_eq!(arena.refs(), [1, 0, 6, 5].map(Slot), "slots are offset");
+        assert_eq!(arena.nodes()[4], interior(6), "child indices are offset");
+        assert_eq!(
+            arena.push_refs(&[Slot(3)]),
+            Ok(4),
+            "references behind the trees"
+        );
         let renumbered = arena.append_renumbered(&tree, &[Slot(4), Slot(2)]);
-        assert_eq!(renumbered, Ok(NodeIndex(8)), "and a third");
-        assert_eq!(arena.refs()[5..], [2, 4].map(Slot), "numbered as told");
-        assert_eq!(arena.freeze(7), Ok(()), "all of it is valid");
+        assert_eq!(renumbered, Ok(NodeIndex(8)), "third tree");
+        assert_eq!(arena.refs()[5..], [2, 4].map(Slot), "slots are mapped");
+        assert_eq!(arena.freeze(7), Ok(()), "all nodes are valid");
         let refused = arena.append_tree(&tree, u32::MAX - 1);
         assert!(
             refused.is_err() && arena.refs().len() == 7,
-            "{refused:?}: as it was"
+            "{refused:?}: the arena is unchanged"
         );
     }
 
     #[test]
-    fn broken_nodes_are_named() {
+    fn invalid_nodes_are_refused_and_named() {
         let rows: [(Vec<Pair>, &str); 7] = [
             (
                 vec![
@@ -497,19 +510,19 @@ mod tests {
             ),
             (
                 vec![root(interior(0))],
-                "node 0: child 0 does not lie behind it",
+                "node 0: child 0 is not stored behind it",
             ),
             (
                 vec![root(interior(2)), Pair([interior(0), leaf(0, 1)])],
-                "node 2: child 0 does not lie behind it",
+                "node 2: child 0 is not stored behind it",
             ),
             (
                 vec![root(leaf(1, 2))],
-                "leaf 0: references 1 + 2 are out of range, there are 2",
+                "leaf 0: references 1 + 2 are out of range, the arena has 2",
             ),
             (
                 vec![root(leaf(u32::MAX, 2))],
-                "leaf 0: references 4294967295 + 2 are out of range, there are 2",
+                "leaf 0: references 4294967295 + 2 are out of range, the arena has 2",
             ),
         ];
         for (pairs, message) in rows {
@@ -522,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn references_to_nothing_are_named() {
+    fn references_out_of_range_are_refused_and_named() {
         let mut arena = Arena::new();
         arena
             .append(&[root(leaf(0, 2))], &[Slot(0), Slot(7)])
@@ -530,13 +543,13 @@ mod tests {
         let error = arena.freeze(7).expect_err("slot 7 of 7");
         assert_eq!(
             error.to_string(),
-            "reference 1: triangle 7 is out of range, there are 7",
+            "reference 1: triangle 7 is out of range, there are 7 triangles",
             "the message names the reference"
         );
     }
 
     #[test]
-    fn a_chain_may_be_as_deep_as_the_stack_and_no_deeper() {
+    fn a_chain_may_have_max_depth_levels_and_no_more() {
         let chain = |depth: u32| {
             let mut pairs: Vec<Pair> = (0..depth)
                 .map(|level| root(interior(2 * level + 2)))
@@ -550,12 +563,12 @@ mod tests {
         assert_eq!(
             chain(65),
             Err(TreeError::TooDeep { node: NodeIndex(0) }),
-            "one more"
+            "one level more"
         );
     }
 
     #[test]
-    fn frozen_subtrees_are_linked_and_counted_by_their_height() {
+    fn links_to_frozen_subtrees_use_their_stored_heights() {
         let mut arena = Arena::new();
         let pairs = [root(interior(2)), Pair([leaf(0, 1), leaf(1, 1)])];
         let first = arena.append(&pairs, &[Slot(0), Slot(1)]).expect("fits");
@@ -563,22 +576,22 @@ mod tests {
         let second = arena.append(&pairs, &[Slot(2), Slot(3)]).expect("fits");
         arena.freeze(4).expect("valid");
 
-        // One node over both: two copied roots and a parent, nothing else.
-        let [a, b] = [first, second].map(|place| arena.nodes()[place.index()]);
+        // One node over both trees: only two copied roots and a parent.
+        let [a, b] = [first, second].map(|root| arena.nodes()[root.index()]);
         let top = arena.push(root(Node::EMPTY_LEAF)).expect("fits");
         let children = arena.push(Pair([a, b])).expect("fits");
         arena.set(top, Node::interior(Axis::Z, 1.0, children).expect("small"));
         arena.freeze(4).expect("valid");
         assert_eq!(arena.height(top), Some(2), "one above height 1");
 
-        // The next frame begins by forgetting this one.
+        // The next frame starts by removing the nodes of this one.
         arena.truncate(2);
         assert_eq!(
             (arena.segments(), arena.nodes().len(), arena.refs().len()),
             (2, 8, 4),
-            "as before"
+            "only the two trees are left"
         );
-        assert_eq!(arena.height(top), None, "gone");
+        assert_eq!(arena.height(top), None, "the merged root is removed");
     }
 
     #[test]
@@ -592,16 +605,16 @@ mod tests {
             slots: 5,
             frozen: 10,
         };
-        assert_eq!(arena.freeze(5), Err(fewer), "slot 9 is referred to");
-        assert_eq!(arena.freeze(10), Ok(()), "as many as before");
+        assert_eq!(arena.freeze(5), Err(fewer), "a reference to slot 9 exists");
+        assert_eq!(arena.freeze(10), Ok(()), "the same number of triangles");
     }
 
     #[test]
     #[should_panic(expected = "is frozen")]
     fn frozen_nodes_cannot_be_replaced() {
         let mut arena = Arena::new();
-        let place = arena.append(&[root(leaf(0, 0))], &[]).expect("fits");
+        let frozen = arena.append(&[root(leaf(0, 0))], &[]).expect("fits");
         arena.freeze(0).expect("valid");
-        arena.set(place, Node::EMPTY_LEAF);
+        arena.set(frozen, Node::EMPTY_LEAF);
     }
 }

@@ -13,10 +13,10 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// The axes in order.
+    /// The axes in the order X, Y, Z.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
-    /// 0, 1 or 2, to index vectors with.
+    /// The index of this coordinate in a vector: 0, 1 or 2.
     #[inline]
     pub const fn index(self) -> usize {
         self as usize

@@ -1,24 +1,24 @@
-//! The part of a triangle inside a box: what makes a split *perfect*.
+//! Clipping a triangle to a box: the basis of *perfect splits*.
 
 use glam::{DVec3, Vec3};
 
 use crate::{Aabb, Axis};
 
-/// The box around the part of a triangle that lies in `cell`, or `None` if it does not reach into the cell.
+/// The box around the intersection of a triangle with `cell`, or `None` if they do not meet.
 ///
-/// The original triangle is clipped, in f64 (Wald and Havran 2006 §4.1.1, Havran and Bittner 2002), and the result
-/// rounded outwards and cut to the cell, so it never loses more than the rounding of f64. A triangle that only
-/// touches the cell counts as inside. Constant time.
+/// The original triangle is clipped in f64 (Wald and Havran 2006 §4.1.1, Havran and Bittner 2002). The result is rounded
+/// outwards and intersected with the cell, so that the box is too small by at most the rounding of f64. A triangle that
+/// only touches the cell counts as inside. Constant time.
 pub fn clipped_bounds(corners: [Vec3; 3], cell: &Aabb) -> Option<Aabb> {
-    let mut around = Around::NOTHING;
+    let mut bounds = GrowingBox::EMPTY;
     for &point in clipped(corners, cell).points() {
-        around.add(point);
+        bounds.add(point);
     }
-    around.rounded_outwards(cell)
+    bounds.rounded_outwards(cell)
 }
 
-/// [`clipped_bounds`] for both parts of a cell that is cut at `position` along `axis`. It clips to the cell once: the lower
-/// part's box comes first, then the upper part's.
+/// [`clipped_bounds`] for both children of a cell that is split at `position` along `axis`: the lower child's box first,
+/// then the upper child's. It clips to the cell only once. Constant time.
 #[inline]
 pub fn clipped_halves(
     corners: [Vec3; 3],
@@ -33,16 +33,18 @@ pub fn clipped_halves(
     if is_whole & (min[along] < position) & (position < max[along]) {
         halves_of_whole(corners, cell, along, position).map(Some)
     } else {
-        halves_of_part(corners, cell, axis, position)
+        halves_of_clipped(corners, cell, axis, position)
     }
 }
 
-/// Both parts of a triangle inside the cell that the plane cuts: one corner is alone on its side, and two edges cross
-/// the plane. Most triangles that builders cut are of this kind, so it is done without a branch, and all but the two
-/// crossings in f32, where nothing is rounded.
+/// Both halves of a triangle that is inside the cell and crosses the plane. One corner is alone on its side, and two edges
+/// cross the plane.
+///
+/// Most triangles that builders cut are of this kind. The code therefore has no branch, and only the two crossings need
+/// f64: minima and maxima of f32 are exact.
 #[inline]
 fn halves_of_whole(corners: [Vec3; 3], cell: &Aabb, along: usize, position: f32) -> [Aabb; 2] {
-    /// The corner that is alone, by which corners lie below.
+    /// The corner that is alone, indexed by a bit mask of the corners below the plane.
     const ALONE: [usize; 8] = [0, 0, 1, 2, 2, 1, 0, 0];
     let below = corners.map(|corner| corner[along] < position);
     let which = usize::from(below[0]) | usize::from(below[1]) << 1 | usize::from(below[2]) << 2;
@@ -75,9 +77,14 @@ fn halves_of_whole(corners: [Vec3; 3], cell: &Aabb, along: usize, position: f32)
     }
 }
 
-/// Both parts of any triangle.
-fn halves_of_part(corners: [Vec3; 3], cell: &Aabb, axis: Axis, position: f32) -> [Option<Aabb>; 2] {
-    let (mut lower, mut upper) = (Around::NOTHING, Around::NOTHING);
+/// Both halves of any triangle, which is first clipped to the cell.
+fn halves_of_clipped(
+    corners: [Vec3; 3],
+    cell: &Aabb,
+    axis: Axis,
+    position: f32,
+) -> [Option<Aabb>; 2] {
+    let (mut lower, mut upper) = (GrowingBox::EMPTY, GrowingBox::EMPTY);
     let (along, plane) = (axis.index(), f64::from(position));
     clipped(corners, cell).for_each_edge(|from, to| {
         let (before, after) = (from[along], to[along]);
@@ -100,12 +107,13 @@ fn halves_of_part(corners: [Vec3; 3], cell: &Aabb, axis: Axis, position: f32) ->
     ]
 }
 
-/// The part of a triangle in a cell: Sutherland and Hodgman's clipping, against the sides that it reaches across.
+/// The intersection of a triangle with a cell, by Sutherland and Hodgman's clipping. Only faces of the cell that the
+/// triangle's box crosses are clipped against.
 #[inline]
 fn clipped([a, b, c]: [Vec3; 3], cell: &Aabb) -> Polygon {
     let below = a.min(b).min(c).cmplt(cell.min);
     let above = a.max(b).max(c).cmpgt(cell.max);
-    let mut polygons = [Polygon::NOTHING; 2];
+    let mut polygons = [Polygon::EMPTY; 2];
     let [mut polygon, mut spare] = polygons.each_mut();
     for corner in [a, b, c] {
         polygon.push(corner.as_dvec3());
@@ -125,19 +133,19 @@ fn clipped([a, b, c]: [Vec3; 3], cell: &Aabb) -> Polygon {
     *polygon
 }
 
-/// A triangle cut by six planes has at most nine corners.
-const MOST_CORNERS: usize = 9;
+/// A triangle clipped by six planes has at most nine corners.
+const MAX_CORNERS: usize = 9;
 
 /// A convex polygon, corners in order.
 #[derive(Clone, Copy)]
 struct Polygon {
-    corners: [DVec3; MOST_CORNERS],
+    corners: [DVec3; MAX_CORNERS],
     count: usize,
 }
 
 impl Polygon {
-    const NOTHING: Self = Self {
-        corners: [DVec3::ZERO; MOST_CORNERS],
+    const EMPTY: Self = Self {
+        corners: [DVec3::ZERO; MAX_CORNERS],
         count: 0,
     };
 
@@ -145,7 +153,7 @@ impl Polygon {
         &self.corners[..self.count]
     }
 
-    /// Hands on both ends of each edge.
+    /// Calls `use_edge` with both ends of each edge.
     #[inline]
     fn for_each_edge(&self, mut use_edge: impl FnMut(DVec3, DVec3)) {
         let mut from = self.points().last().copied().unwrap_or(DVec3::ZERO);
@@ -155,7 +163,7 @@ impl Polygon {
         }
     }
 
-    /// Keeps what is not outside.
+    /// Writes the part of the polygon that is not outside of one plane to `kept`.
     #[inline]
     fn clip(&self, axis: usize, plane: f64, is_outside: impl Fn(f64) -> bool, kept: &mut Self) {
         kept.count = 0;
@@ -170,18 +178,18 @@ impl Polygon {
         });
     }
 
-    /// Rounding can make a polygon cross a plane more than twice, if only within an ulp; then it may have a corner too
-    /// many, which is as good as the last one.
+    /// Adds a corner. Through rounding a polygon can cross a plane more than twice, within one ulp, and get more than
+    /// [`MAX_CORNERS`] corners. The last corner is then replaced, since both are the same up to rounding.
     #[inline]
     fn push(&mut self, point: DVec3) {
-        let last = self.count.min(MOST_CORNERS - 1);
+        let last = self.count.min(MAX_CORNERS - 1);
         self.corners[last] = point;
         self.count = last + 1;
     }
 }
 
-/// Where an edge crosses a plane. The same edge seen from its two ends gives the same point: it starts at the lower
-/// end always.
+/// The point where an edge crosses a plane. The computation always starts at the lower end, so that the two triangles of
+/// a shared edge get the same point.
 #[inline]
 fn crossing(from: DVec3, to: DVec3, axis: usize, plane: f64) -> DVec3 {
     let is_upwards = from[axis] < to[axis];
@@ -191,14 +199,14 @@ fn crossing(from: DVec3, to: DVec3, axis: usize, plane: f64) -> DVec3 {
     point
 }
 
-/// The box around points, while it grows.
-struct Around {
+/// A box in f64 that grows to contain points.
+struct GrowingBox {
     min: DVec3,
     max: DVec3,
 }
 
-impl Around {
-    const NOTHING: Self = Self {
+impl GrowingBox {
+    const EMPTY: Self = Self {
         min: DVec3::INFINITY,
         max: DVec3::NEG_INFINITY,
     };
@@ -209,7 +217,7 @@ impl Around {
         self.max = self.max.max(point);
     }
 
-    /// The box in f32, rounded outwards and cut to the cell; `None` without points.
+    /// The box in f32, rounded outwards and intersected with the cell; `None` without points.
     #[inline]
     fn rounded_outwards(&self, cell: &Aabb) -> Option<Aabb> {
         let outwards = Aabb {
@@ -222,13 +230,13 @@ impl Around {
 
 /// The largest f32 not above `x`.
 ///
-/// Whether rounding went up is as good as random, so there is no branch on it: one step towards negative infinity, or
-/// none, taken in the bits. Rounding keeps the sign, so that a zero that is above `x` is -0.0, and one step from it
-/// leads to the next negative number.
+/// The direction in which the conversion rounds is unpredictable, so the code avoids a branch: it takes zero or one step
+/// towards negative infinity on the bits. Rounding keeps the sign, so that a zero above `x` is -0.0, and one step from it
+/// gives the next negative number.
 #[inline]
 #[allow(
     clippy::cast_possible_truncation,
-    reason = "rounding is the point, and the step mends its direction"
+    reason = "the conversion rounds on purpose, and the step corrects its direction"
 )]
 fn round_down(x: f64) -> f32 {
     let nearest = x as f32;
@@ -254,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn rounding_goes_one_way_only() {
+    fn rounding_is_directed_and_tight() {
         let tiny = f64::from(f32::from_bits(1));
         for x in [
             0.0,
@@ -281,20 +289,24 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_cut_off_shrinks_the_box() {
+    fn cutting_off_a_corner_shrinks_the_box() {
         let corners = [
             Vec3::ZERO,
             Vec3::new(2.0, 0.0, 0.0),
             Vec3::new(0.0, 2.0, 0.0),
         ];
         let cell = Aabb::around([Vec3::new(1.0, 0.0, -1.0), Vec3::new(4.0, 4.0, 1.0)]);
-        let part = clipped_bounds(corners, &cell).expect("it reaches in");
-        assert_eq!(part.min, Vec3::new(1.0, 0.0, 0.0), "cut at x = 1");
-        assert_eq!(part.max, Vec3::new(2.0, 1.0, 0.0), "where y is at most 1");
+        let clipped = clipped_bounds(corners, &cell).expect("the triangle reaches into the cell");
+        assert_eq!(clipped.min, Vec3::new(1.0, 0.0, 0.0), "cut at x = 1");
+        assert_eq!(
+            clipped.max,
+            Vec3::new(2.0, 1.0, 0.0),
+            "y is at most 1 where x is at least 1"
+        );
     }
 
     #[test]
-    fn touching_counts_and_missing_does_not() {
+    fn touching_triangles_count_as_inside() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let beside = Aabb::around([Vec3::X, Vec3::new(2.0, 1.0, 1.0)]);
         assert_eq!(
@@ -305,7 +317,7 @@ mod tests {
             }),
             "one shared point"
         );
-        // Inside the triangle's box, but beyond its long edge.
+        // A cell inside the triangle's box, but beyond its long edge.
         let corner = Aabb::around([Vec3::new(0.6, 0.6, -1.0), Vec3::new(1.0, 1.0, 1.0)]);
         assert_eq!(
             clipped_bounds(corners, &corner),
@@ -315,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_and_point_triangles_keep_their_place() {
+    fn degenerate_triangles_are_clipped_too() {
         let cell = Aabb::around([Vec3::ZERO, Vec3::ONE]);
         let point = Vec3::splat(0.5);
         assert_eq!(
@@ -331,39 +343,40 @@ mod tests {
     }
 
     proptest! {
-        /// Clipping to the cell once, or to each half of it, may round differently, and not otherwise.
+        /// Clipping to the cell once and clipping to each child may differ only by rounding.
         #[test]
-        fn halves_are_the_parts(a in point(4.0), b in point(4.0), c in point(4.0), axis in 0_usize..3, at in -0.9_f32..1.4) {
+        fn halves_equal_clipping_to_each_child(a in point(4.0), b in point(4.0), c in point(4.0), axis in 0_usize..3, at in -0.9_f32..1.4) {
             let cell = Aabb::around([Vec3::splat(-1.0), Vec3::splat(1.5)]);
             let (lower, upper) = cell.split(Axis::ALL[axis], at);
             let halves = clipped_halves([a, b, c], &cell, Axis::ALL[axis], at);
-            for (half, part) in halves.into_iter().zip([lower, upper]) {
-                match (half, clipped_bounds([a, b, c], &part)) {
+            for (half, child) in halves.into_iter().zip([lower, upper]) {
+                match (half, clipped_bounds([a, b, c], &child)) {
                     (Some(half), Some(alone)) => {
                         prop_assert!((half.min - alone.min).abs().max_element() < 1e-6, "{half:?} {alone:?}");
                         prop_assert!((half.max - alone.max).abs().max_element() < 1e-6, "{half:?} {alone:?}");
-                        prop_assert!(half.intersection(&part) == half);
+                        prop_assert!(half.intersection(&child) == half);
                     }
                     (half, alone) => prop_assert_eq!(half, alone),
                 }
             }
         }
 
-        /// The short way for triangles that nothing else cuts gives what the long way does; corners in the plane included.
+        /// The fast path for triangles inside the cell gives the same boxes as the general path, also with corners in the
+        /// plane.
         #[test]
-        fn whole_triangles_are_cut_alike(corners: [[i8; 3]; 3], axis in 0_usize..3, at: i8, scale in 1e-3_f32..1e3) {
+        fn both_paths_agree_on_triangles_inside_the_cell(corners: [[i8; 3]; 3], axis in 0_usize..3, at: i8, scale in 1e-3_f32..1e3) {
             let corners = corners.map(|corner| scale * Vec3::from_array(corner.map(f32::from)));
             let (axis, position) = (Axis::ALL[axis], scale * f32::from(at));
             let along = corners.map(|corner| corner[axis.index()]);
             prop_assume!(along.iter().any(|&x| x < position) && along.iter().any(|&x| x > position));
             let cell = Aabb::around(corners);
-            let short = halves_of_whole(corners, &cell, axis.index(), position);
-            prop_assert_eq!(short.map(Some), halves_of_part(corners, &cell, axis, position));
+            let fast = halves_of_whole(corners, &cell, axis.index(), position);
+            prop_assert_eq!(fast.map(Some), halves_of_clipped(corners, &cell, axis, position));
         }
 
-        /// Points of the triangle inside the cell are inside the clipped box, up to the rounding of the point itself.
+        /// A point of the triangle inside the cell is inside the clipped box, up to the rounding of the point.
         #[test]
-        fn nothing_inside_is_lost(a in point(4.0), b in point(4.0), c in point(4.0), u in 0.0_f64..1.0, v in 0.0_f64..1.0) {
+        fn the_clipped_box_contains_all_points_in_the_cell(a in point(4.0), b in point(4.0), c in point(4.0), u in 0.0_f64..1.0, v in 0.0_f64..1.0) {
             let cell = Aabb::around([Vec3::splat(-1.0), Vec3::splat(1.5)]);
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let p = a.as_dvec3() * (1.0 - u - v) + b.as_dvec3() * u + c.as_dvec3() * v;
@@ -371,18 +384,18 @@ mod tests {
                 (p + slack).cmpge(b.min.as_dvec3()).all() && (p - slack).cmple(b.max.as_dvec3()).all()
             };
             if inside(&cell, -1e-9) {
-                let part = clipped_bounds([a, b, c], &cell);
-                prop_assert!(part.is_some_and(|part| inside(&part, 1e-9)), "{p} in {part:?}");
+                let clipped = clipped_bounds([a, b, c], &cell);
+                prop_assert!(clipped.is_some_and(|clipped| inside(&clipped, 1e-9)), "{p} in {clipped:?}");
             }
         }
 
         #[test]
-        fn the_result_lies_in_both_boxes(a in point(4.0), b in point(4.0), c in point(4.0)) {
+        fn the_clipped_box_is_inside_both_boxes(a in point(4.0), b in point(4.0), c in point(4.0)) {
             let cell = Aabb::around([Vec3::splat(-1.0), Vec3::splat(1.5)]);
-            if let Some(part) = clipped_bounds([a, b, c], &cell) {
+            if let Some(clipped) = clipped_bounds([a, b, c], &cell) {
                 let whole = Aabb::around([a, b, c]);
-                prop_assert_eq!(part.intersection(&cell).intersection(&whole), part);
-                prop_assert!(!part.is_empty());
+                prop_assert_eq!(clipped.intersection(&cell).intersection(&whole), clipped);
+                prop_assert!(!clipped.is_empty());
             }
         }
     }

@@ -1,18 +1,18 @@
-//! A mesh and its tree as bytes: write once, load without building.
+//! The file format of a mesh and its tree, which loads without a build.
 //!
 //! ```text
-//! offset  bytes   what (numbers are little-endian)
+//! offset  bytes   content (numbers are little-endian)
 //! 0       8       magic "kd-tree\n"
 //! 8       4       version, 1
-//! 12      4       CRC-32 of everything behind it
-//! 16      4 × 4   numbers of vertices, triangles, pairs of nodes, references
+//! 12      4       CRC-32 of all bytes from offset 16 on
+//! 16      4 × 4   numbers of vertices, triangles, node pairs, references
 //! 32      6 × 4   bounds: min x y z, max x y z
 //! 56      4 × 4   cost model: traverse, intersect, lanes, empty bonus
 //! 72      56      zero
 //! 128             vertices (3 × f32), triangles (3 × u32), pairs (2 × 8 bytes), references (u32),
 //!                 each padded with zeros to a multiple of 16 bytes
 //! ```
-//! Sections are aligned so that the file can be mapped into memory and used in place.
+//! Sections are aligned, so that a file can be mapped into memory and used in place.
 
 use std::io::{self, Write};
 
@@ -25,10 +25,11 @@ use crate::{Aabb, CostModel, Mesh, MeshError, Node, Pair, Slot, Tree, TreeError}
 const MAGIC: [u8; 8] = *b"kd-tree\n";
 const VERSION: u32 = 1;
 const HEADER_BYTES: usize = 128;
+/// The checksum covers all bytes from this offset on.
 const CHECKED_FROM: usize = 16;
 const SECTION_ALIGNMENT: usize = 16;
 
-/// Why bytes are not a tree. `file` is the name the reader was given.
+/// The reason why bytes are not a valid tree file. `file` is the name given to [`read_tree`].
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum FileError {
@@ -37,68 +38,68 @@ pub enum FileError {
     Io {
         /// Name of the file.
         file: String,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The first bytes are not those of a tree.
+    /// The file does not start with the magic bytes.
     #[error("{file}: not a kd-tree file")]
     WrongMagic {
         /// Name of the file.
         file: String,
     },
-    /// Written by another version of the format.
-    #[error("{file}: version {version} of the format is not supported, expected {VERSION}")]
+    /// The file has another version of the format.
+    #[error("{file}: format version {version} is not supported, expected {VERSION}")]
     UnsupportedVersion {
         /// Name of the file.
         file: String,
-        /// The version it says.
+        /// The version in the header.
         version: u32,
     },
-    /// There are fewer or more bytes than the header says.
-    #[error("{file}: {found} bytes, the header says {expected}")]
+    /// The file is shorter or longer than its header requires.
+    #[error("{file}: {found} bytes, the header requires {expected}")]
     WrongLength {
         /// Name of the file.
         file: String,
-        /// Bytes according to the header; at least those of a header.
+        /// The number of bytes that the header requires, at least the size of a header.
         expected: u64,
-        /// Bytes there are.
+        /// The number of bytes of the file.
         found: u64,
     },
-    /// The checksum does not fit: the file is damaged.
-    #[error("{file}: damaged, its checksum does not fit")]
+    /// The checksum does not match, so the file is damaged.
+    #[error("{file}: damaged, the checksum does not match")]
     Damaged {
         /// Name of the file.
         file: String,
     },
-    /// The mesh in it breaks a rule.
+    /// The mesh in the file is invalid.
     #[error("{file}: {source}")]
     Mesh {
         /// Name of the file.
         file: String,
-        /// Which rule.
+        /// The reason.
         source: MeshError,
     },
-    /// The tree in it breaks a rule.
+    /// The tree in the file is invalid.
     #[error("{file}: {source}")]
     Tree {
         /// Name of the file.
         file: String,
-        /// Which rule.
+        /// The reason.
         source: TreeError,
     },
     /// The box of the tree is not the box of the mesh.
-    #[error("{file}: the bounds are not those of the mesh")]
+    #[error("{file}: the bounds of the tree differ from those of the mesh")]
     WrongBounds {
         /// Name of the file.
         file: String,
     },
 }
 
-/// Writes a mesh and its tree. The same tree gives the same bytes on every platform.
+/// Writes a mesh and its tree. The bytes are the same on every platform. Linear; the file is assembled in memory first.
 ///
 /// # Errors
 ///
-/// Those of the writer.
+/// Those of the writer, and [`io::ErrorKind::FileTooLarge`] if a section has 2³² elements or more.
 pub fn write_tree(mesh: &Mesh, tree: &Tree, to: &mut impl Write) -> io::Result<()> {
     let mut body = Vec::with_capacity(mesh.bytes() + tree.bytes() + HEADER_BYTES);
     push_count(&mut body, mesh.positions().len())?;
@@ -126,16 +127,16 @@ pub fn write_tree(mesh: &Mesh, tree: &Tree, to: &mut impl Write) -> io::Result<(
     to.write_all(&body)
 }
 
-/// Reads what [`write_tree`] wrote; `name` is used in errors only.
+/// Reads a mesh and its tree in the format of [`write_tree`]. `name` is used in errors only.
 ///
-/// Everything is verified but that the planes suit the triangles: sizes before anything is allocated, the checksum,
-/// the mesh as by [`Mesh::new`] and the tree as by [`Tree::from_parts`]. So whatever the bytes are, tracing what comes
-/// out is safe and ends; a file made in bad faith may miss hits, which [`Tree::check_coverage`] would tell.
-/// Linear in the number of bytes.
+/// The function verifies the sizes before it allocates memory, the checksum, the mesh by the rules of [`Mesh::new`], and
+/// the tree by those of [`Tree::from_parts`]. A traversal of the result is therefore safe and ends, for any bytes. The
+/// function does not verify that leaves refer to all triangles in their cells: a forged file may lose hits, which
+/// [`Tree::check_coverage`] detects. Linear in the number of bytes.
 ///
 /// # Errors
 ///
-/// [`FileError`] says what is wrong.
+/// [`FileError`] gives the first violation.
 pub fn read_tree(bytes: &[u8], name: &str) -> Result<(Mesh, Tree), FileError> {
     let file = || name.to_owned();
     if bytes.get(..MAGIC.len()) != Some(&MAGIC) {
@@ -213,7 +214,7 @@ fn push_count(body: &mut Vec<u8>, count: usize) -> io::Result<()> {
     Ok(())
 }
 
-/// Everything stored is made of 4-byte words, so that one rule serves for byte order.
+/// Appends a section and its padding. All elements consist of 4-byte words, so that one loop handles the byte order.
 fn push_section<T: Pod>(body: &mut Vec<u8>, items: &[T]) {
     let words: &[u32] = cast_slice(items);
     body.extend(words.iter().flat_map(|word| word.to_le_bytes()));
@@ -224,7 +225,7 @@ fn section_bytes<T>(count: u32) -> u64 {
     (u64::from(count) * size_of::<T>() as u64).next_multiple_of(SECTION_ALIGNMENT as u64)
 }
 
-/// The next section; that it is there has been checked.
+/// Reads the next section of `count` elements. The caller has checked the length of `rest`.
 fn take_section<T: Pod>(rest: &mut &[u8], count: u32) -> Vec<T> {
     let mut items = vec![T::zeroed(); count as usize];
     let words: &mut [u32] = bytemuck::cast_slice_mut(&mut items);
@@ -239,7 +240,7 @@ fn take_section<T: Pod>(rest: &mut &[u8], count: u32) -> Vec<T> {
 const _: () = assert!(
     (HEADER_BYTES - CHECKED_FROM).is_multiple_of(SECTION_ALIGNMENT)
         && size_of::<Node>().is_multiple_of(4),
-    "sections begin aligned and are made of words"
+    "sections start aligned and consist of 4-byte words"
 );
 
 #[cfg(test)]
@@ -271,12 +272,12 @@ mod tests {
 
     fn bytes_of((mesh, tree): &(Mesh, Tree)) -> Vec<u8> {
         let mut bytes = Vec::new();
-        write_tree(mesh, tree, &mut bytes).expect("memory does not fail");
+        write_tree(mesh, tree, &mut bytes).expect("writing to memory succeeds");
         bytes
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn a_written_tree_reads_back_unchanged() {
         let (mesh, tree) = example();
         let bytes = bytes_of(&(mesh.clone(), tree.clone()));
         assert_eq!(bytes.len() % 16, 0, "sections are padded");
@@ -287,30 +288,34 @@ mod tests {
         assert_eq!(
             (same_tree.bounds(), same_tree.cost()),
             (tree.bounds(), tree.cost()),
-            "the rest"
+            "bounds and cost model"
         );
         assert_eq!(
             bytes_of(&(same_mesh, same_tree)),
             bytes,
-            "and the same bytes again"
+            "written again, the bytes are the same"
         );
     }
 
     #[test]
-    fn an_empty_tree_is_a_file_too() {
+    fn an_empty_tree_can_be_written_and_read() {
         let mesh = Mesh::new(vec![], vec![]).expect("valid");
         let pairs = [Pair([Node::EMPTY_LEAF; 2])];
         let tree = Tree::from_parts(pairs.to_vec(), vec![], mesh.bounds(), 0, CostModel::CLASSIC)
             .expect("valid");
         let (mesh, tree) = read_tree(&bytes_of(&(mesh, tree)), "t").expect("just written");
-        assert!(mesh.is_empty() && tree.bounds().is_empty(), "nothing in it");
+        assert!(
+            mesh.is_empty() && tree.bounds().is_empty(),
+            "an empty mesh and an empty box"
+        );
     }
 
     #[test]
-    fn every_cut_and_every_changed_byte_is_noticed() {
+    fn every_truncation_and_every_changed_byte_is_detected() {
         let bytes = bytes_of(&example());
         for end in 0..bytes.len() {
-            let error = read_tree(&bytes[..end], "t").expect_err("cut").to_string();
+            let error = read_tree(&bytes[..end], "t").expect_err("truncated");
+            let error = error.to_string();
             assert!(error.starts_with("t: "), "{end}: {error}");
         }
         for at in 0..bytes.len() {
@@ -320,9 +325,9 @@ mod tests {
         }
     }
 
-    /// As above, with a checksum that fits: the checks behind it must hold by themselves.
+    /// With a matching checksum, the later checks must refuse the file.
     #[test]
-    fn files_made_in_bad_faith_are_refused_by_name() {
+    fn forged_files_with_a_valid_checksum_are_refused() {
         let bytes = bytes_of(&example());
         let with = |at: usize, word: u32| {
             let mut forged = bytes.clone();
@@ -336,12 +341,12 @@ mod tests {
         let refs = pairs + 32;
         for (at, word, message) in [
             (0, 0, "t: not a kd-tree file"),
+            (8, 2, "t: format version 2 is not supported, expected 1"),
             (
-                8,
-                2,
-                "t: version 2 of the format is not supported, expected 1",
+                28,
+                u32::MAX,
+                "t: 272 bytes, the header requires 17179869440",
             ),
-            (28, u32::MAX, "t: 272 bytes, the header says 17179869440"),
             (
                 HEADER_BYTES,
                 f32::NAN.to_bits(),
@@ -352,16 +357,16 @@ mod tests {
                 9,
                 "t: triangle 0, corner 1: index 9 is out of range, there are 5 vertices",
             ),
-            (pairs + 4, 0, "t: node 0: child 0 does not lie behind it"),
+            (pairs + 4, 0, "t: node 0: child 0 is not stored behind it"),
             (
                 refs,
                 2,
-                "t: reference 0: triangle 2 is out of range, there are 2",
+                "t: reference 0: triangle 2 is out of range, there are 2 triangles",
             ),
             (
                 32,
                 1.0_f32.to_bits(),
-                "t: the bounds are not those of the mesh",
+                "t: the bounds of the tree differ from those of the mesh",
             ),
         ] {
             assert_eq!(with(at, word), message, "word at {at}");

@@ -1,14 +1,14 @@
-//! The words that every crate of kd shares: boxes, rays, hits, meshes, the 8-byte node, trees and their statistics.
+//! Basic types of all kd crates: boxes, rays, hits, meshes, the 8-byte node, trees and their statistics.
 //!
-//! A [`Mesh`] is checked once. A builder turns it into pairs of [`Node`]s and references, which become a [`Tree`]
-//! only by passing its validator. Traversals rely on both and check nothing again.
+//! [`Mesh::new`] checks a mesh once. A builder turns the mesh into pairs of [`Node`]s and references. The validator of
+//! [`Tree`] checks these. Traversals rely on both checks and repeat neither.
 //!
 //! ```
 //! use kd_core::{CostModel, Mesh, Node, Pair, Slot, Tree};
 //!
 //! let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
 //!
-//! // The smallest tree: one leaf that refers to the one triangle.
+//! // The smallest tree: one leaf that refers to the only triangle.
 //! let leaf = Node::leaf(0, 1).expect("a count of 1 fits");
 //! let pairs = vec![Pair([leaf, Node::EMPTY_LEAF])];
 //! let tree = Tree::from_parts(pairs, vec![Slot(0)], mesh.bounds(), 1, CostModel::CLASSIC)?;
@@ -45,7 +45,7 @@ pub use file::{FileError, read_tree, write_tree};
 pub use id::{NodeIndex, Slot};
 pub use layout::Layout;
 pub use mesh::{MAX_TRIANGLES, Mesh, MeshError};
-pub use moved::Boxes;
+pub use moved::BoundsOnly;
 pub use node::{Node, NodeView, Pair};
 pub use ray::{Hit, Ray, offset_origin};
 pub use ray_packet::RayPacket8;

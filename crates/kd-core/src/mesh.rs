@@ -1,20 +1,20 @@
-//! Triangle meshes, checked once.
+//! Triangle meshes, checked on construction.
 
 use glam::{Affine3A, Vec3, Vec3A};
 use thiserror::Error;
 
 use crate::Aabb;
 
-/// Most triangles a mesh may have: builders keep a triangle's number in 30 bits.
+/// The greatest number of triangles of a mesh: builders store a triangle's number in 30 bits.
 pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
 
 /// An indexed triangle mesh whose positions are finite and whose indices are in range.
 ///
-/// It is checked when it is made and cannot be changed after, so everything behind it relies on that. A mesh without
-/// triangles is valid: nothing hits it. Triangles of zero area are valid too: they are kept, so that triangle numbers
-/// stay the caller's, counted by [`zero_area_count`](Self::zero_area_count), and never hurt.
+/// A mesh is checked on construction and immutable, so that all later code relies on these properties. A mesh without
+/// triangles is valid, and no ray hits it. Triangles of zero area are valid and cause no errors. They are kept, so that
+/// triangle numbers remain those of the caller; [`zero_area_count`](Self::zero_area_count) counts them.
 ///
-/// Memory: 12 bytes a vertex and 12 bytes a triangle.
+/// Memory: 12 bytes per vertex and 12 bytes per triangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
     positions: Vec<[f32; 3]>,
@@ -22,54 +22,54 @@ pub struct Mesh {
     bounds: Aabb,
 }
 
-/// Why a mesh was refused.
+/// The reason why a mesh was refused.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum MeshError {
     /// A coordinate is NaN or infinite.
     #[error("vertex {vertex} is not finite")]
     NotFinite {
-        /// Its number, from 0.
+        /// The number of the vertex, from 0.
         vertex: usize,
     },
-    /// A triangle names a vertex that does not exist.
+    /// A triangle has a vertex index that is out of range.
     #[error(
         "triangle {triangle}, corner {corner}: index {index} is out of range, there are {vertices} vertices"
     )]
     IndexOutOfRange {
-        /// The triangle's number, from 0.
+        /// The number of the triangle, from 0.
         triangle: usize,
-        /// 0, 1 or 2.
+        /// The corner of the triangle: 0, 1 or 2.
         corner: usize,
-        /// The index it holds.
+        /// The vertex index of that corner.
         index: u32,
-        /// How many vertices there are.
+        /// The number of vertices of the mesh.
         vertices: usize,
     },
-    /// New positions for a mesh that has another number of vertices.
+    /// The number of new positions differs from the number of vertices of the mesh.
     #[error("{given} positions for a mesh of {vertices} vertices")]
     VertexCount {
-        /// How many were given.
+        /// The number of positions given.
         given: usize,
-        /// How many vertices there are.
+        /// The number of vertices of the mesh.
         vertices: usize,
     },
     /// More than [`MAX_TRIANGLES`] triangles.
-    #[error("{triangles} triangles are too many, at most {MAX_TRIANGLES} fit")]
+    #[error("{triangles} triangles are too many, a mesh has at most {MAX_TRIANGLES}")]
     TooLarge {
-        /// How many there are.
+        /// The number of triangles given.
         triangles: usize,
     },
 }
 
 impl Mesh {
-    /// A mesh of `triangles`, each three indices into `positions`.
+    /// A mesh of `triangles`, each of which has three indices into `positions`. Linear in both.
     ///
-    /// Vertices that no triangle uses are allowed (and do not count towards the bounds), but must be finite too.
+    /// Vertices that no triangle uses are allowed. They must be finite too, and do not count towards the bounds.
     ///
     /// # Errors
     ///
-    /// [`MeshError`] names the first vertex or triangle that breaks a rule.
+    /// [`MeshError`] names the first vertex that is not finite, or the first triangle with an index out of range.
     pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
         if triangles.len() > MAX_TRIANGLES {
             return Err(MeshError::TooLarge {
@@ -91,7 +91,7 @@ impl Mesh {
         Ok(Self::checked(positions, triangles))
     }
 
-    /// What [`new`](Self::new) would accept.
+    /// A mesh of positions and indices that satisfy the rules of [`new`](Self::new). Computes the bounds.
     fn checked(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Self {
         let corners = triangles.iter().flatten();
         let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -114,15 +114,15 @@ impl Mesh {
         }
     }
 
-    /// All meshes as one: vertices and triangles of each after those of the one before.
+    /// One mesh of all `meshes`: vertices and triangles of each mesh follow those of the mesh before. Linear in the result.
     ///
     /// # Errors
     ///
-    /// [`MeshError::TooLarge`].
+    /// [`MeshError::TooLarge`] if the meshes together have more than [`MAX_TRIANGLES`] triangles.
     ///
     /// # Panics
     ///
-    /// If there are 2³² vertices or more, 48 GiB of them.
+    /// If the meshes together have 2³² vertices or more (48 GiB).
     pub fn concatenated<'a>(meshes: impl IntoIterator<Item = &'a Self>) -> Result<Self, MeshError> {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
         for mesh in meshes {
@@ -139,12 +139,13 @@ impl Mesh {
         Ok(Self::checked(positions, triangles))
     }
 
-    /// The same triangles over other positions, one for each vertex. Faster than [`new`](Self::new): indices have been
-    /// checked.
+    /// The same triangles with new positions, one for each vertex. Linear, and faster than [`new`](Self::new), since indices
+    /// are not checked again.
     ///
     /// # Errors
     ///
-    /// [`MeshError::VertexCount`] and [`MeshError::NotFinite`].
+    /// [`MeshError::VertexCount`] if the number of positions differs, [`MeshError::NotFinite`] for the first position that
+    /// is not finite.
     pub fn with_positions(&self, positions: Vec<[f32; 3]>) -> Result<Self, MeshError> {
         if positions.len() != self.positions.len() {
             return Err(MeshError::VertexCount {
@@ -156,12 +157,12 @@ impl Mesh {
         Ok(Self::checked(positions, self.triangles.clone()))
     }
 
-    /// The mesh moved by a transform, which may be any: mirrored triangles turn their other side, flattened ones may have
-    /// no area.
+    /// The mesh with every vertex transformed. Any transform is valid: a mirroring one reverses the orientation of
+    /// triangles, a singular one may leave triangles of zero area. Linear.
     ///
     /// # Errors
     ///
-    /// [`MeshError::NotFinite`] names the first vertex that is moved to where f32 ends.
+    /// [`MeshError::NotFinite`] names the first vertex that is not finite in f32 after the transform.
     pub fn transformed(&self, by: &Affine3A) -> Result<Self, MeshError> {
         let moved = |position: &[f32; 3]| by.transform_point3a(Vec3A::from(*position)).to_array();
         self.with_positions(self.positions.iter().map(moved).collect())
@@ -173,59 +174,59 @@ impl Mesh {
         &self.positions
     }
 
-    /// Three indices into [`positions`](Self::positions) per triangle, as they were given.
+    /// Three indices into [`positions`](Self::positions) per triangle, in the order given.
     #[inline]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// How many triangles there are.
+    /// The number of triangles.
     #[inline]
     pub fn len(&self) -> usize {
         self.triangles.len()
     }
 
-    /// Whether there are no triangles.
+    /// Whether the mesh has no triangles.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
-    /// The box around all triangles; [`Aabb::EMPTY`] without any.
+    /// The box around all triangles; [`Aabb::EMPTY`] for a mesh without triangles. Constant time.
     #[inline]
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// How many triangles have an area of exactly zero (two equal corners, or all on a line). Looks at each of them.
+    /// The number of triangles whose area is exactly zero (two equal corners, or collinear corners). Linear.
     pub fn zero_area_count(&self) -> usize {
         let all = 0..self.len();
         all.filter(|&triangle| has_zero_area(self.corners_at(triangle)))
             .count()
     }
 
-    /// The three corners of a triangle.
+    /// The three corners of a triangle, in scene units.
     ///
     /// # Panics
     ///
-    /// If the mesh has no such triangle.
+    /// If `triangle` is out of range.
     #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.corners_at(triangle as usize)
     }
 
-    /// The unit normal of a triangle, to the side from which its corners run counter-clockwise; zero for a triangle
-    /// of zero area.
+    /// The unit normal of a triangle, on the side from which its corners appear counter-clockwise; zero for a triangle of
+    /// zero area.
     ///
     /// # Panics
     ///
-    /// If the mesh has no such triangle.
+    /// If `triangle` is out of range.
     pub fn normal(&self, triangle: u32) -> Vec3 {
         let [a, b, c] = self.corners(triangle).map(|p| p.as_dvec3());
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
     }
 
-    /// Bytes held, vertices and indices.
+    /// Bytes of vertices and indices.
     pub fn bytes(&self) -> usize {
         size_of_val(self.positions.as_slice()) + size_of_val(self.triangles.as_slice())
     }
@@ -244,8 +245,8 @@ fn check_finite(positions: &[[f32; 3]]) -> Result<(), MeshError> {
     }
 }
 
-/// f64 products of f32 differences are near enough exact that only true zeros (and areas that a ray could not meet
-/// anyway) compare equal to zero.
+/// The cross product is computed in f64, precisely enough that it is zero only for a zero area, or for an area so small
+/// that no ray can hit it.
 fn has_zero_area([a, b, c]: [Vec3; 3]) -> bool {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     (b - a).cross(c - a) == glam::DVec3::ZERO
@@ -263,7 +264,7 @@ mod tests {
     ];
 
     #[test]
-    fn bad_meshes_are_refused_by_element() {
+    fn bad_meshes_are_refused_and_the_element_is_named() {
         let rows = [
             (
                 vec![[0.0; 3], [0.0, f32::NAN, 0.0]],
@@ -293,21 +294,22 @@ mod tests {
     }
 
     #[test]
-    fn zero_area_is_counted_and_kept() {
+    fn zero_area_triangles_are_counted_and_kept() {
         let triangles = vec![[0, 1, 2], [0, 0, 1], [1, 1, 1], [0, 2, 3]];
         let mesh = Mesh::new(SQUARE.to_vec(), triangles.clone()).expect("valid");
-        assert_eq!(mesh.zero_area_count(), 2, "two of them");
-        assert_eq!(mesh.triangles(), triangles, "all of them stay");
+        assert_eq!(mesh.zero_area_count(), 2, "two have zero area");
+        assert_eq!(mesh.triangles(), triangles, "all triangles are kept");
         assert_eq!(mesh.normal(0), Vec3::Z, "counter-clockwise seen from +z");
-        assert_eq!(mesh.normal(1), Vec3::ZERO, "no area, no normal");
+        assert_eq!(mesh.normal(1), Vec3::ZERO, "zero area has no normal");
     }
 
     #[test]
-    fn moved_meshes_are_checked_again() {
+    fn new_positions_are_checked() {
         let mesh = Mesh::new(SQUARE.to_vec(), vec![[0, 1, 2]]).expect("valid");
         let short = mesh.with_positions(SQUARE[1..].to_vec());
         let message = "3 positions for a mesh of 4 vertices";
-        assert_eq!(short.expect_err("one is missing").to_string(), message);
+        let error = short.expect_err("one position is missing");
+        assert_eq!(error.to_string(), message);
         let mut bad = SQUARE.to_vec();
         bad[2][1] = f32::NAN;
         let refused = mesh.with_positions(bad).expect_err("NaN");
@@ -321,20 +323,24 @@ mod tests {
         assert_eq!(
             (up.bounds().min.z, up.triangles()),
             (1.0, mesh.triangles()),
-            "moved"
+            "translated, with the same triangles"
         );
     }
 
     #[test]
-    fn meshes_are_put_one_after_the_other() {
+    fn concatenation_renumbers_vertices() {
         let one = Mesh::new(SQUARE.to_vec(), vec![[0, 1, 2]]).expect("valid");
         let none = Mesh::new(vec![[9.0; 3]], vec![]).expect("valid");
         let all = Mesh::concatenated([&one, &none, &one]).expect("few");
-        assert_eq!(all.triangles(), [[0, 1, 2], [5, 6, 7]], "numbered on");
+        assert_eq!(
+            all.triangles(),
+            [[0, 1, 2], [5, 6, 7]],
+            "consecutive numbers"
+        );
         assert_eq!(all.corners(1), one.corners(0), "the same triangle");
-        assert_eq!(all.bounds(), one.bounds(), "used ones only");
+        assert_eq!(all.bounds(), one.bounds(), "unused vertices do not count");
         let nothing = Mesh::concatenated([]).expect("few");
-        assert!(nothing.bounds().is_empty(), "nothing at all");
+        assert!(nothing.bounds().is_empty(), "no meshes give an empty mesh");
     }
 
     #[test]
@@ -345,7 +351,7 @@ mod tests {
         assert_eq!(
             mesh.bounds().max,
             Vec3::new(1.0, 1.0, 0.0),
-            "used ones only"
+            "unused vertices do not count"
         );
         let empty = Mesh::new(SQUARE.to_vec(), vec![]).expect("valid");
         assert!(

@@ -5,9 +5,9 @@
 //! interior    split, f32 bits         index of first child << 2 | axis 0, 1, 2
 //! leaf        index of first ref      number of refs << 2 | 3
 //! ```
-//! The two children of a node are adjacent, `first` and `first + 1`, and the index is absolute in the arena: copying
-//! one node links a whole subtree into another tree. (After Shi 2011, listing 2.1, with two tag bits and children in
-//! pairs.)
+//! The two children of a node are adjacent, at `first` and `first + 1`. The index is absolute in the arena, so that
+//! copying one node links a whole subtree into another tree. (After Shi 2011, listing 2.1, with two tag bits and children
+//! in pairs.)
 
 use bytemuck::{Pod, Zeroable};
 
@@ -15,7 +15,7 @@ use crate::{Axis, NodeIndex};
 
 const LEAF: u32 = 3;
 const TAG_BITS: u32 = 2;
-/// First value that does not fit beside the tag.
+/// The first value that does not fit beside the tag.
 const PAYLOAD_LIMIT: u32 = 1 << (32 - TAG_BITS);
 
 /// One node of a tree, packed into 8 bytes; [`view`](Self::view) unpacks it.
@@ -38,29 +38,29 @@ const _: () = assert!(
     "a pair fills its alignment"
 );
 
-/// A node as an enum, to match on.
+/// A node in unpacked form, as an enum to match on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NodeView {
     /// A plane and two children.
     Interior {
-        /// Which axis the plane is perpendicular to.
+        /// The axis perpendicular to the plane.
         axis: Axis,
-        /// Where the plane lies on that axis, in scene units.
+        /// The coordinate of the plane on that axis, in scene units.
         split: f32,
         /// The lower child; the upper one is its [`sibling`](NodeIndex::sibling).
         first: NodeIndex,
     },
     /// A range of the arena's references.
     Leaf {
-        /// Where it starts.
+        /// The index of the first reference.
         first: u32,
-        /// How many there are, possibly none.
+        /// The number of references, possibly 0.
         count: u32,
     },
 }
 
 impl Node {
-    /// The leaf without references.
+    /// A leaf without references.
     pub const EMPTY_LEAF: Self = Self {
         word0: 0,
         word1: LEAF,
@@ -78,7 +78,7 @@ impl Node {
         })
     }
 
-    /// A leaf over `count` references from `first` on; `None` if the count does not fit into 30 bits.
+    /// A leaf over `count` references starting at index `first`; `None` if the count does not fit into 30 bits.
     #[inline]
     pub const fn leaf(first: u32, count: u32) -> Option<Self> {
         if count >= PAYLOAD_LIMIT {
@@ -90,7 +90,7 @@ impl Node {
         })
     }
 
-    /// What the node says.
+    /// The node in unpacked form.
     #[inline]
     pub const fn view(self) -> NodeView {
         match self.word1 & LEAF {
@@ -110,44 +110,44 @@ impl Node {
         }
     }
 
-    /// Whether it is a leaf.
+    /// Whether the node is a leaf.
     #[inline]
     pub const fn is_leaf(self) -> bool {
         self.word1 & LEAF == LEAF
     }
 
-    /// Position of the plane; meaningless for a leaf.
+    /// The coordinate of the plane, in scene units; meaningless for a leaf.
     #[inline]
     pub const fn split(self) -> f32 {
         f32::from_bits(self.word0)
     }
 
-    /// 0, 1 or 2 for the axis of an interior node, 3 for a leaf.
+    /// The tag: the axis (0, 1 or 2) of an interior node, 3 for a leaf.
     #[inline]
     pub const fn tag(self) -> usize {
         (self.word1 & LEAF) as usize
     }
 
-    /// The lower child; meaningless for a leaf.
+    /// The index of the lower child; meaningless for a leaf.
     #[inline]
     pub const fn first_child(self) -> NodeIndex {
         NodeIndex(self.word1 >> TAG_BITS)
     }
 
-    /// Index of the first reference; meaningless for an interior node.
+    /// The index of the first reference; meaningless for an interior node.
     #[inline]
     pub const fn first_ref(self) -> u32 {
         self.word0
     }
 
-    /// Number of references; meaningless for an interior node.
+    /// The number of references; meaningless for an interior node.
     #[inline]
     pub const fn count(self) -> u32 {
         self.word1 >> TAG_BITS
     }
 
-    /// The same node in an arena where its children, or its references, lie further on by these amounts; `None` if
-    /// the result does not fit.
+    /// The node for an arena in which its children have moved by `nodes` and its references by `refs` towards the end;
+    /// `None` if the new index does not fit.
     #[inline]
     pub const fn relocated(self, nodes: u32, refs: u32) -> Option<Self> {
         if self.is_leaf() {
@@ -199,7 +199,7 @@ mod tests {
         }
 
         #[test]
-        fn relocation_moves_what_it_points_to(first in 0_u32..1 << 29, nodes in 0_u32..1 << 29, refs in 0_u32..1 << 29) {
+        fn relocation_shifts_children_and_references(first in 0_u32..1 << 29, nodes in 0_u32..1 << 29, refs in 0_u32..1 << 29) {
             let interior = Node::interior(Axis::Z, 1.5, NodeIndex(first)).expect("30 bits");
             prop_assert_eq!(
                 interior.relocated(nodes, refs),
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn values_beyond_30_bits_are_refused() {
         assert_eq!(
             Node::interior(Axis::X, 0.0, NodeIndex(PAYLOAD_LIMIT)),
             None,
@@ -220,8 +220,8 @@ mod tests {
         assert_eq!(Node::leaf(0, PAYLOAD_LIMIT), None, "31 bits of count");
         let last =
             Node::interior(Axis::X, 0.0, NodeIndex(PAYLOAD_LIMIT - 2)).expect("the last pair");
-        assert_eq!(last.relocated(2, 0), None, "moved past the end");
-        let leaf = Node::leaf(u32::MAX, 1).expect("any first");
-        assert_eq!(leaf.relocated(0, 1), None, "references past the end");
+        assert_eq!(last.relocated(2, 0), None, "children past the limit");
+        let leaf = Node::leaf(u32::MAX, 1).expect("any first index fits");
+        assert_eq!(leaf.relocated(0, 1), None, "references past the limit");
     }
 }

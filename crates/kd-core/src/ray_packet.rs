@@ -1,11 +1,11 @@
-//! Eight rays side by side.
+//! A packet of eight rays, one per lane.
 
 use crate::Ray;
 use glam::Vec3;
 
-/// Eight rays, number by number: what one field is to a [`Ray`], eight are here, a lane for each ray.
+/// Eight rays as a structure of arrays: each field of [`Ray`] has eight lanes, one per ray.
 ///
-/// For programs that make their rays eight at a time. Any rays will do; those that go much the same way, such as of
+/// It suits programs that make their rays eight at a time. The rays may be arbitrary. Coherent rays, such as those of
 /// neighbouring pixels, share the work of a traversal.
 ///
 /// ```
@@ -21,19 +21,19 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
 pub struct RayPacket8 {
-    /// [`Ray::origin`], by axis.
+    /// [`Ray::origin`], indexed by axis, then by lane.
     pub origin: [[f32; 8]; 3],
-    /// [`Ray::direction`], by axis.
+    /// [`Ray::direction`], indexed by axis, then by lane.
     pub direction: [[f32; 8]; 3],
-    /// [`Ray::t_min`].
+    /// [`Ray::t_min`] of each lane.
     pub t_min: [f32; 8],
-    /// [`Ray::t_max`].
+    /// [`Ray::t_max`] of each lane.
     pub t_max: [f32; 8],
-    /// [`Ray::mask`]; 0 where there is no ray.
+    /// [`Ray::mask`] of each lane; 0 marks a lane without a ray.
     pub mask: [u32; 8],
 }
 
-/// From the origin in no direction, for `t` in [0, ∞), seeing all geometry: directions are to be filled in.
+/// Eight rays with origin 0, direction 0, `t` in [0, ∞) and a mask of all bits. The caller fills in the directions.
 impl Default for RayPacket8 {
     fn default() -> Self {
         Self::new(&[Ray::new(Vec3::ZERO, Vec3::ZERO); 8])
@@ -41,13 +41,17 @@ impl Default for RayPacket8 {
 }
 
 impl RayPacket8 {
-    /// Up to eight rays, in the first lanes. The others are without a ray, and hit nothing.
+    /// A packet of up to eight rays, in the first lanes. The remaining lanes have no ray and hit nothing.
     ///
     /// # Panics
     ///
-    /// If there are more.
+    /// If `rays` has more than eight elements.
     pub fn new(rays: &[Ray]) -> Self {
-        assert!(rays.len() <= 8, "{} rays, of up to 8", rays.len());
+        assert!(
+            rays.len() <= 8,
+            "{} rays do not fit a packet of 8",
+            rays.len()
+        );
         let mut packet = Self {
             origin: [[0.0; 8]; 3],
             direction: [[0.0; 8]; 3],
@@ -61,11 +65,11 @@ impl RayPacket8 {
         packet
     }
 
-    /// The ray of a lane.
+    /// The ray of a lane, 0 to 7.
     ///
     /// # Panics
     ///
-    /// From lane 8 on.
+    /// If `lane` is 8 or more.
     #[inline]
     pub fn ray(&self, lane: usize) -> Ray {
         Ray {
@@ -77,11 +81,11 @@ impl RayPacket8 {
         }
     }
 
-    /// Puts a ray in a lane.
+    /// Sets the ray of a lane, 0 to 7.
     ///
     /// # Panics
     ///
-    /// From lane 8 on.
+    /// If `lane` is 8 or more.
     #[inline]
     pub fn set(&mut self, lane: usize, ray: &Ray) {
         for axis in 0..3 {
@@ -93,7 +97,7 @@ impl RayPacket8 {
         self.mask[lane] = ray.mask;
     }
 
-    /// All eight, in the order of their lanes.
+    /// All eight rays, in the order of their lanes.
     pub fn rays(&self) -> [Ray; 8] {
         std::array::from_fn(|lane| self.ray(lane))
     }
@@ -104,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_are_rays() {
+    fn each_lane_holds_one_ray() {
         let ray = |i: u8| {
             let x = f32::from(i);
             Ray::new([x, x + 0.1, x + 0.2], [1.0 - x, -x, 0.5 * x])
@@ -115,14 +119,14 @@ mod tests {
         let packet = RayPacket8::new(&rays);
         assert_eq!(packet.rays().as_slice(), rays, "lane by lane");
         let three = RayPacket8::new(&rays[..3]);
-        assert_eq!(three.ray(2), rays[2], "the last one");
-        assert!(!three.ray(3).can_hit(), "no ray");
-        assert!(!RayPacket8::new(&[]).ray(0).can_hit(), "none at all");
+        assert_eq!(three.ray(2), rays[2], "the last ray");
+        assert!(!three.ray(3).can_hit(), "a lane without a ray");
+        assert!(!RayPacket8::new(&[]).ray(0).can_hit(), "an empty packet");
     }
 
     #[test]
     #[should_panic(expected = "9 rays")]
-    fn nine_are_too_many() {
+    fn nine_rays_are_refused() {
         RayPacket8::new(&[Ray::new(Vec3::ZERO, Vec3::X); 9]);
     }
 }

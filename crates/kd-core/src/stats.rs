@@ -1,4 +1,4 @@
-//! What a tree looks like, as numbers with one text form.
+//! Statistics of a tree, with one text form.
 
 use std::fmt;
 
@@ -6,55 +6,55 @@ use crate::{Aabb, CostModel, Node, NodeIndex, NodeView, Tree};
 
 /// Counts, histograms and costs of a tree.
 ///
-/// Its `Display` is the one text form: snapshots, the README and the bench print it. Costs follow the surface area
-/// heuristic for rays that meet the root box (not padded): the sum over nodes of their cost times their half area
-/// over that of the root.
+/// `Display` is the text form that snapshots, the README and the bench use. SAH costs are the expected costs of rays that
+/// meet the root's box (not padded): the sum over all nodes of the node's cost times its half area, divided by the half
+/// area of the root.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct TreeStats {
-    /// Triangles the tree is over.
+    /// Triangles of the mesh.
     pub triangles: usize,
-    /// Of these, triangles of zero area, if known: the mesh knows, a tree alone does not.
+    /// Triangles of zero area; `None` if unknown, since a tree does not know its mesh.
     pub zero_area: Option<usize>,
-    /// Interior nodes and leaves that can be reached; one shared by several parents counts once.
+    /// Reachable interior nodes and leaves; a node with several parents counts once.
     pub nodes: usize,
-    /// Leaves among them.
+    /// Reachable leaves.
     pub leaves: usize,
     /// Leaves without references.
     pub empty_leaves: usize,
     /// References in all leaves; a triangle in several leaves counts several times.
     pub references: usize,
-    /// Levels of interior nodes above the deepest leaf.
+    /// The number of interior nodes above the deepest leaf.
     pub depth: usize,
-    /// How many leaves lie at each depth.
+    /// The number of leaves at each depth; a leaf counts once per path from the root.
     pub leaves_by_depth: Vec<usize>,
-    /// How many leaves hold each number of references: 0, 1, … 8, then up to 16, 32, 64, … (see
+    /// The number of leaves by their number of references, in buckets: 0, 1, … 8, then up to 16, 32, 64, … (see
     /// [`leaf_size_label`](Self::leaf_size_label)).
     pub leaves_by_size: Vec<usize>,
-    /// SAH cost at K_T 15, K_I 20, one lane: to compare with the literature.
+    /// SAH cost with K_T 15, K_I 20 and one lane, for comparison with the literature.
     pub sah_cost_15_20: f64,
-    /// SAH cost under the model the tree was built for.
+    /// SAH cost under the model that the tree was built for.
     pub sah_cost_own: f64,
-    /// Bytes of nodes and of what the validator keeps with them.
+    /// Bytes of nodes and of their heights.
     pub node_bytes: usize,
     /// Bytes of references.
     pub reference_bytes: usize,
-    /// Bytes of what was derived from the tree and its mesh to trace rays, if there is any.
+    /// Bytes of the layout that rays traverse; `None` if the tree has no layout.
     pub traced_bytes: Option<TracedBytes>,
     /// Cells that were not divided because the limit of references was reached: see [`Tree::limited_cells`].
     pub limited_cells: usize,
 }
 
-/// Bytes of what is derived from a tree and its mesh to trace rays.
+/// Bytes of the layout that rays traverse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TracedBytes {
-    /// Of nodes.
+    /// Bytes of nodes.
     pub nodes: usize,
-    /// Of blocks of triangles.
+    /// Bytes of blocks of triangles.
     pub blocks: usize,
 }
 
-/// Leaf sizes up to this one have a bucket of their own.
+/// Leaf sizes up to this number have a bucket each.
 const EXACT_SIZES: usize = 8;
 
 impl TreeStats {
@@ -77,7 +77,7 @@ impl TreeStats {
             traced_bytes: None,
             limited_cells: tree.limited_cells(),
         };
-        Walk {
+        StatsVisitor {
             tree,
             root_half_area: tree.bounds().half_area(),
             seen: vec![false; tree.nodes().len()],
@@ -87,21 +87,21 @@ impl TreeStats {
         stats
     }
 
-    /// The same statistics with the mesh's count of zero-area triangles filled in.
+    /// The same statistics with [`zero_area`](Self::zero_area) set.
     #[must_use]
     pub fn with_zero_area(mut self, zero_area: usize) -> Self {
         self.zero_area = Some(zero_area);
         self
     }
 
-    /// The same statistics with the bytes of what is traced filled in.
+    /// The same statistics with [`traced_bytes`](Self::traced_bytes) set.
     #[must_use]
     pub fn with_traced_bytes(mut self, traced_bytes: TracedBytes) -> Self {
         self.traced_bytes = Some(traced_bytes);
         self
     }
 
-    /// References per triangle; 0 without triangles.
+    /// References per triangle; 0 for a tree without triangles.
     pub fn refs_per_triangle(&self) -> f64 {
         if self.triangles == 0 {
             0.0
@@ -110,18 +110,18 @@ impl TreeStats {
         }
     }
 
-    /// Bytes of the tree, without the mesh and without what is derived from both to trace rays.
+    /// Bytes of the tree, without the mesh and the layout.
     pub fn bytes_total(&self) -> usize {
         self.node_bytes + self.reference_bytes
     }
 
-    /// Bytes of everything but the mesh.
+    /// Bytes of the tree and of its layout, without the mesh.
     pub fn bytes_kept(&self) -> usize {
         let traced = self.traced_bytes.unwrap_or_default();
         self.bytes_total() + traced.nodes + traced.blocks
     }
 
-    /// Name of a bucket of [`leaves_by_size`](Self::leaves_by_size): `"3"`, `"≤16"`.
+    /// The label of a bucket of [`leaves_by_size`](Self::leaves_by_size), such as `"3"` or `"≤16"`.
     pub fn leaf_size_label(bucket: usize) -> String {
         if bucket <= EXACT_SIZES {
             bucket.to_string()
@@ -148,9 +148,9 @@ impl TreeStats {
 
 /// The cost of a tree under any model: see [`Tree::sah_cost`].
 pub(crate) fn sah_cost(tree: &Tree, model: &CostModel) -> f64 {
-    fn below(tree: &Tree, model: &CostModel, place: NodeIndex, cell: Aabb) -> f64 {
-        let node = tree.nodes()[place.index()];
-        let own = chance(&cell, tree.bounds().half_area()) * node_cost(model, node);
+    fn below(tree: &Tree, model: &CostModel, index: NodeIndex, cell: Aabb) -> f64 {
+        let node = tree.nodes()[index.index()];
+        let own = hit_probability(&cell, tree.bounds().half_area()) * node_cost(model, node);
         match node.view() {
             NodeView::Leaf { .. } => own,
             NodeView::Interior { axis, split, first } => {
@@ -164,9 +164,9 @@ pub(crate) fn sah_cost(tree: &Tree, model: &CostModel) -> f64 {
     below(tree, model, tree.root(), tree.bounds())
 }
 
-/// How likely a ray that meets the root's box meets a cell. A box without area is met by no ray in the sense of the
-/// heuristic; it counts as always met.
-fn chance(cell: &Aabb, root_half_area: f64) -> f64 {
+/// The probability that a ray that meets the root's box meets a cell, by the surface area heuristic. If the root's box has
+/// no area, the probability is 1.
+fn hit_probability(cell: &Aabb, root_half_area: f64) -> f64 {
     if root_half_area > 0.0 {
         cell.half_area() / root_half_area
     } else {
@@ -174,26 +174,26 @@ fn chance(cell: &Aabb, root_half_area: f64) -> f64 {
     }
 }
 
-/// A walk over all nodes with their cells.
-struct Walk<'a> {
+/// A traversal of all nodes with their cells, which adds up the statistics.
+struct StatsVisitor<'a> {
     tree: &'a Tree,
     root_half_area: f64,
     seen: Vec<bool>,
     stats: &'a mut TreeStats,
 }
 
-impl Walk<'_> {
-    /// Adds the subtree at `place`: its cost for every path that leads there, its counts once.
-    fn visit(&mut self, place: NodeIndex, cell: Aabb, depth: usize) {
-        let node = self.tree.nodes()[place.index()];
-        let first_time = !std::mem::replace(&mut self.seen[place.index()], true);
+impl StatsVisitor<'_> {
+    /// Adds the subtree of node `index`. Costs are added for every path to the node, counts only once.
+    fn visit(&mut self, index: NodeIndex, cell: Aabb, depth: usize) {
+        let node = self.tree.nodes()[index.index()];
+        let first_time = !std::mem::replace(&mut self.seen[index.index()], true);
         if first_time {
             self.stats.nodes += 1;
         }
-        let chance = chance(&cell, self.root_half_area);
+        let probability = hit_probability(&cell, self.root_half_area);
         let own = *self.tree.cost();
-        self.stats.sah_cost_15_20 += chance * node_cost(&CostModel::CLASSIC, node);
-        self.stats.sah_cost_own += chance * node_cost(&own, node);
+        self.stats.sah_cost_15_20 += probability * node_cost(&CostModel::CLASSIC, node);
+        self.stats.sah_cost_own += probability * node_cost(&own, node);
         match node.view() {
             NodeView::Leaf { count, .. } => {
                 self.stats.leaves_by_depth[depth] += 1;
@@ -257,7 +257,7 @@ impl fmt::Display for TreeStats {
     }
 }
 
-/// `label:count` for every bucket that is not empty.
+/// Writes `label:count` for every bucket that is not empty.
 fn write_histogram(
     f: &mut fmt::Formatter<'_>,
     buckets: &[usize],
@@ -281,8 +281,8 @@ mod tests {
     }
 
     #[test]
-    fn costs_follow_the_areas() {
-        // Cut in half: half areas 3 for the root and 2 for each child.
+    fn costs_are_weighted_by_area() {
+        // The unit cube, split in half: the half area is 3 for the root and 2 for each child.
         let leaf = |first, count| Node::leaf(first, count).expect("small");
         let root = Node::interior(Axis::Z, 0.5, NodeIndex(2)).expect("small");
         let pairs = [
@@ -317,26 +317,26 @@ mod tests {
             (3, 2, 3, 1),
             "{stats}"
         );
-        assert_eq!(stats.leaves_by_depth, [0, 2], "both leaves below the root");
+        assert_eq!(stats.leaves_by_depth, [0, 2], "both leaves at depth 1");
         assert_eq!(stats.leaves_by_size, [0, 1, 1], "one and two references");
     }
 
     #[test]
-    fn a_limit_that_was_reached_shows() {
+    fn the_text_form_shows_limited_cells() {
         let leaf = vec![Pair([Node::EMPTY_LEAF; 2])];
         let tree =
             Tree::from_parts(leaf, vec![], unit_box(), 0, CostModel::CLASSIC).expect("valid");
         let text = tree.stats().to_string();
-        assert!(!text.contains("limited"), "not reached: {text}");
+        assert!(!text.contains("limited"), "no limited cells: {text}");
         let text = tree.with_limited_cells(12).stats().to_string();
         let line = "\n  cells limited            12\n";
-        assert!(text.contains(line), "reached: {text}");
+        assert!(text.contains(line), "12 limited cells: {text}");
     }
 
     #[test]
     fn sizes_above_eight_share_buckets() {
         let labels: Vec<String> = (8..12).map(TreeStats::leaf_size_label).collect();
-        assert_eq!(labels, ["8", "≤16", "≤32", "≤64"], "doubling");
+        assert_eq!(labels, ["8", "≤16", "≤32", "≤64"], "limits double");
         for (size, label) in [(8, "8"), (9, "≤16"), (16, "≤16"), (17, "≤32"), (33, "≤64")] {
             let leaf = Pair([Node::leaf(0, size).expect("small"), Node::EMPTY_LEAF]);
             let refs = vec![Slot(0); size as usize];
@@ -369,13 +369,17 @@ mod tests {
         assert_eq!(
             (stats.nodes, stats.leaves),
             (5, 2),
-            "the two leaves are shared"
+            "shared nodes count once"
         );
-        assert_eq!(stats.leaves_by_depth, [0, 0, 4], "but lie on four paths");
+        assert_eq!(
+            stats.leaves_by_depth,
+            [0, 0, 4],
+            "four paths lead to the two leaves"
+        );
     }
 
     #[test]
-    fn an_empty_tree_has_plain_numbers() {
+    fn an_empty_tree_has_finite_statistics() {
         let pairs = [Pair([Node::EMPTY_LEAF; 2])];
         let tree = Tree::from_parts(pairs.to_vec(), vec![], Aabb::EMPTY, 0, CostModel::CLASSIC)
             .expect("valid");

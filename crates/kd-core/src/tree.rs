@@ -8,10 +8,10 @@ use crate::{
     stats,
 };
 
-/// A kd-tree over triangles: a root in an [`Arena`], and the box its planes divide.
+/// A kd-tree over triangles: a root in an [`Arena`], and the box that its planes divide.
 ///
-/// It can only be made through validation and cannot be changed after, so traversals do not check again: see
-/// [`Arena::freeze`] for what holds.
+/// Every tree has been validated and is immutable, so that traversals check nothing again. [`Arena::freeze`] lists the
+/// validated properties.
 #[derive(Clone, Debug)]
 pub struct Tree {
     arena: Arena,
@@ -24,16 +24,19 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// A tree of its own arena from a builder's output, which is moved, not copied.
+    /// A tree with an arena of its own, from a builder's output, which is moved, not copied.
     ///
-    /// Indices in `pairs` and `refs` count from 0; the root is the first node of the first pair, the other node of
-    /// that pair is not used. `slots` is the number of triangles, `bounds` the box around them, and `cost` the model
-    /// the tree was built for. Each node has one parent at most, so that a walk ends after as many steps as there are
-    /// nodes, and leaves do not share references, so that what is derived from the tree is not much larger. Linear in the number of nodes and references.
+    /// Indices in `pairs` and `refs` count from 0. The root is the first node of the first pair; the second node of that
+    /// pair is not used. `slots` is the number of triangles, `bounds` the box around them, and `cost` the model that the
+    /// tree was built for.
+    ///
+    /// Each node must have at most one parent, so that a traversal visits each node at most once. Leaves must not share
+    /// references, so that the size of a layout is linear in the size of the tree. Linear in the number of nodes and
+    /// references.
     ///
     /// # Errors
     ///
-    /// [`TreeError`] names the first broken node, or says what is wrong with the rest.
+    /// [`TreeError`] names the first invalid node or reference, or the argument that is out of range.
     pub fn from_parts(
         pairs: Vec<Pair>,
         refs: Vec<Slot>,
@@ -51,12 +54,12 @@ impl Tree {
         Self::from_arena(arena, NodeIndex(0), bounds, cost)
     }
 
-    /// The tree below a frozen node of an arena. Subtrees may have several parents: that is how merged trees share
-    /// what stands still. Constant time.
+    /// The tree below a frozen node of an arena. A subtree may have several parents: merged trees share unchanged subtrees
+    /// in this way. Constant time.
     ///
     /// # Errors
     ///
-    /// [`TreeError`] if the root is not frozen, the box neither finite nor empty, or the cost model out of range.
+    /// [`TreeError`] if the root is not frozen, the box is neither finite nor empty, or the cost model is out of range.
     pub fn from_arena(
         arena: Arena,
         root: NodeIndex,
@@ -85,16 +88,17 @@ impl Tree {
         })
     }
 
-    /// The same tree with the builder's count of cells that it would have divided, had there been references left. It
-    /// is a note on the build, not on the tree: files do not keep it.
+    /// The same tree with the number of cells that the builder left undivided because the limit of references was reached.
+    /// The number describes the build; files do not store it.
     #[must_use]
     pub fn with_limited_cells(mut self, limited_cells: usize) -> Self {
         self.limited_cells = limited_cells;
         self
     }
 
-    /// How many cells were not divided because the limit of references was reached, those below a node that was made a
-    /// leaf afterwards included: 0 says that the tree is the one without a limit. Also 0 for trees that come from a file.
+    /// The number of cells that were not divided because the limit of references was reached, including cells below a node
+    /// that was made a leaf afterwards. If it is 0, the tree equals the one built without a limit. It is also 0 for trees
+    /// read from a file.
     pub fn limited_cells(&self) -> usize {
         self.limited_cells
     }
@@ -103,48 +107,48 @@ impl Tree {
         &self.arena
     }
 
-    /// All nodes of the arena; indices in nodes refer to this slice. Unreachable ones may be among them.
+    /// All nodes of the arena; indices in nodes refer to this slice. Some nodes may be unreachable from the root.
     #[inline]
     pub fn nodes(&self) -> &[Node] {
         self.arena.nodes()
     }
 
-    /// All references of the arena; leaves name ranges of this slice.
+    /// All references of the arena; leaves refer to ranges of this slice.
     #[inline]
     pub fn refs(&self) -> &[Slot] {
         self.arena.refs()
     }
 
-    /// Where the tree starts.
+    /// The index of the root node.
     #[inline]
     pub fn root(&self) -> NodeIndex {
         self.root
     }
 
-    /// The box around all triangles, not padded; empty if there are none.
+    /// The box around all triangles, not padded; empty for a tree without triangles.
     #[inline]
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// How many triangles the tree is over.
+    /// The number of triangles of the mesh; slots of references are below it.
     #[inline]
     pub fn triangles(&self) -> u32 {
         self.slots
     }
 
-    /// The cost model the tree was built for.
+    /// The cost model that the tree was built for.
     #[inline]
     pub fn cost(&self) -> &CostModel {
         &self.cost
     }
 
-    /// Levels of interior nodes above the deepest leaf.
+    /// The number of interior nodes above the deepest leaf, at most [`MAX_DEPTH`](crate::MAX_DEPTH).
     pub fn depth(&self) -> usize {
         usize::from(self.depth)
     }
 
-    /// The triangles of a leaf.
+    /// The references of a leaf of this tree.
     #[inline]
     pub fn leaf_refs(&self, leaf: Node) -> &[Slot] {
         let first = leaf.first_ref() as usize;
@@ -156,27 +160,29 @@ impl Tree {
         self.arena.bytes()
     }
 
-    /// Counts, histograms and costs; linear in the number of nodes, each as often as there are paths to it.
+    /// Counts, histograms and costs. Linear in the number of paths from the root to nodes; a subtree with several parents is
+    /// visited once per path.
     pub fn stats(&self) -> TreeStats {
         TreeStats::of(self)
     }
 
-    /// What the surface area heuristic expects a ray to pay that meets the root's box, under any model: to compare trees
-    /// that were built for different ones. Under the tree's own it is [`TreeStats::sah_cost_own`], up to rounding.
+    /// The expected cost, by the surface area heuristic, of a ray that meets the root's box, under any cost model. It
+    /// compares trees that were built for different models. Under the tree's own model it equals
+    /// [`TreeStats::sah_cost_own`] up to rounding. Cost as for [`stats`](Self::stats).
     pub fn sah_cost(&self, model: &CostModel) -> f64 {
         stats::sah_cost(self, model)
     }
 
-    /// Checks that no part of any triangle is missing: the box is that of the mesh, and every cell that a triangle reaches into leads to a leaf that
-    /// refers to it. A triangle lying in a plane needs to be on one side only.
+    /// Checks that the tree covers a mesh: the tree's box is that of the mesh, and every leaf whose cell a triangle reaches
+    /// into refers to that triangle. A triangle that lies in a split plane needs to be on one side only.
     ///
-    /// This is the builders' oracle, for tests and for files of unknown origin; traversal does not need it to be safe.
-    /// Parts thinner than 10⁻⁹ of the box's diagonal are left to the padding of the traversal. Costs about as much
-    /// as a build.
+    /// This is the oracle for builders, for tests and for files of unknown origin. Traversals are safe without it. It
+    /// ignores pieces of triangles thinner than 10⁻⁹ of the box's diagonal, which the padding of the traversal covers. It
+    /// takes about as long as a build.
     ///
     /// # Errors
     ///
-    /// The first triangle that is missing somewhere, and the leaf that should refer to it.
+    /// [`Uncovered`] names the first triangle that is missing in a leaf, and that leaf.
     pub fn check_coverage(&self, mesh: &Mesh) -> Result<(), Uncovered> {
         if self.bounds != mesh.bounds() {
             return Err(Uncovered::Bounds);
@@ -184,13 +190,13 @@ impl Tree {
         let slack = 1e-9 * (self.bounds.max.as_dvec3() - self.bounds.min.as_dvec3()).length();
         for (triangle, _) in (0_u32..).zip(mesh.triangles()) {
             let polygon: Vec<DVec3> = mesh.corners(triangle).map(|p| p.as_dvec3()).to_vec();
-            let part = Part {
-                place: self.root,
+            let piece = Piece {
+                node: self.root,
                 polygon,
             };
             let mut missing = Vec::new();
-            self.add_missing(Slot(triangle), part, slack, &mut missing);
-            if let Some(Part { place: leaf, .. }) = missing.first() {
+            self.add_missing(Slot(triangle), piece, slack, &mut missing);
+            if let Some(Piece { node: leaf, .. }) = missing.first() {
                 let leaf = *leaf;
                 return Err(Uncovered::Triangle { triangle, leaf });
             }
@@ -198,14 +204,21 @@ impl Tree {
         Ok(())
     }
 
-    /// Adds the parts of a part of a triangle that reach into leaves which do not refer to it.
-    fn add_missing(&self, slot: Slot, part: Part, slack: f64, missing: &mut Vec<Part>) {
-        let Part { place, polygon } = part;
-        let node = self.nodes()[place.index()];
+    /// Divides a piece of the triangle `slot` down to leaves, and adds to `missing` what reaches into leaves that do not
+    /// refer to the triangle.
+    fn add_missing(&self, slot: Slot, piece: Piece, slack: f64, missing: &mut Vec<Piece>) {
+        let Piece {
+            node: index,
+            polygon,
+        } = piece;
+        let node = self.nodes()[index.index()];
         let (axis, split, first) = match node.view() {
             NodeView::Leaf { .. } => {
                 if !self.leaf_refs(node).contains(&slot) {
-                    missing.push(Part { place, polygon });
+                    missing.push(Piece {
+                        node: index,
+                        polygon,
+                    });
                 }
                 return;
             }
@@ -213,73 +226,74 @@ impl Tree {
         };
         let reaches_lower = polygon.iter().any(|p| p[axis] < split - slack);
         let reaches_upper = polygon.iter().any(|p| p[axis] > split + slack);
-        let below = |polygon, missing: &mut Vec<Part>| {
-            let place = first;
-            self.add_missing(slot, Part { place, polygon }, slack, missing);
+        let add_below = |polygon, missing: &mut Vec<Piece>| {
+            let node = first;
+            self.add_missing(slot, Piece { node, polygon }, slack, missing);
         };
-        let above = |polygon, missing: &mut Vec<Part>| {
-            let place = first.sibling();
-            self.add_missing(slot, Part { place, polygon }, slack, missing);
+        let add_above = |polygon, missing: &mut Vec<Piece>| {
+            let node = first.sibling();
+            self.add_missing(slot, Piece { node, polygon }, slack, missing);
         };
         if !(reaches_lower || reaches_upper) {
-            // What lies in the plane is on one side, one part of it perhaps on this and another on that.
+            // A polygon in the plane must be covered by the two sides together: each piece of it on either side.
             let mut not_below = Vec::new();
-            below(polygon, &mut not_below);
-            for part in not_below {
-                above(part.polygon, missing);
+            add_below(polygon, &mut not_below);
+            for piece in not_below {
+                add_above(piece.polygon, missing);
             }
             return;
         }
-        // Clipped even where the other part is too thin to matter: it may be wide along another axis.
+        // Clip even where the other piece is too thin to matter: it may be wide along another axis.
         if reaches_lower {
-            below(part_below(&polygon, axis, split, 1.0), missing);
+            add_below(clipped_below(&polygon, axis, split, 1.0), missing);
         }
         if reaches_upper {
-            above(part_below(&polygon, axis, split, -1.0), missing);
+            add_above(clipped_below(&polygon, axis, split, -1.0), missing);
         }
     }
 }
 
-/// A part of a triangle, and the node into whose cell it reaches.
-struct Part {
-    place: NodeIndex,
+/// A piece of a triangle, and the node whose cell it reaches into.
+struct Piece {
+    node: NodeIndex,
     polygon: Vec<DVec3>,
 }
 
-/// What a tree misses of its mesh.
+/// The reason why a tree does not cover a mesh.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Uncovered {
     /// The box of the tree is not the box of the mesh.
-    #[error("the bounds are not those of the mesh")]
+    #[error("the bounds of the tree differ from those of the mesh")]
     Bounds,
-    /// A leaf should refer to a triangle and does not.
+    /// A triangle reaches into the cell of a leaf that does not refer to it.
     #[error("triangle {triangle} reaches into leaf {leaf}, which does not refer to it")]
     Triangle {
-        /// The triangle's number.
+        /// The number of the triangle.
         triangle: u32,
-        /// The leaf's place.
+        /// The index of the leaf.
         leaf: NodeIndex,
     },
 }
 
-/// Without a second parent anywhere, there is one path to each node.
+/// Fails if two nodes have the same children. Otherwise one path leads to each node.
 fn refuse_shared_children(nodes: &[Node]) -> Result<(), TreeError> {
     let mut has_parent = vec![false; nodes.len() / 2];
-    for (place, node) in (0_u32..).zip(nodes) {
+    for (index, node) in (0_u32..).zip(nodes) {
         if node.is_leaf() {
             continue;
         }
         let child = node.first_child();
         if std::mem::replace(&mut has_parent[child.index() / 2], true) {
-            let node = NodeIndex(place);
+            let node = NodeIndex(index);
             return Err(TreeError::SharedChild { node, child });
         }
     }
     Ok(())
 }
 
-/// A few leaves that all name the same long list would make a small file a large structure.
+/// Fails if leaves have more references in total than the list holds. Many leaves that share one long list would turn a
+/// small file into a large layout.
 fn refuse_shared_refs(nodes: &[Node], refs: usize) -> Result<(), TreeError> {
     let leaves = nodes.iter().filter(|node| node.is_leaf());
     let used = leaves.map(|leaf| u64::from(leaf.count())).sum();
@@ -291,20 +305,20 @@ fn refuse_shared_refs(nodes: &[Node], refs: usize) -> Result<(), TreeError> {
 
 /// The part of a polygon where `sign * coordinate <= sign * plane`.
 ///
-/// Deliberately not the clipping that builders use: an oracle should not share their mistakes.
-fn part_below(polygon: &[DVec3], axis: usize, plane: f64, sign: f64) -> Vec<DVec3> {
+/// This is deliberately not the clipping code of builders: the oracle must not share its errors.
+fn clipped_below(polygon: &[DVec3], axis: usize, plane: f64, sign: f64) -> Vec<DVec3> {
     let height = |p: &DVec3| sign * (p[axis] - plane);
-    let mut part = Vec::with_capacity(polygon.len() + 1);
+    let mut clipped = Vec::with_capacity(polygon.len() + 1);
     for (i, a) in polygon.iter().enumerate() {
         let b = &polygon[(i + 1) % polygon.len()];
         if height(a) <= 0.0 {
-            part.push(*a);
+            clipped.push(*a);
         }
         if (height(a) < 0.0 && height(b) > 0.0) || (height(a) > 0.0 && height(b) < 0.0) {
-            part.push(a.lerp(*b, height(a) / (height(a) - height(b))));
+            clipped.push(a.lerp(*b, height(a) / (height(a) - height(b))));
         }
     }
-    part
+    clipped
 }
 
 #[cfg(test)]
@@ -338,9 +352,10 @@ mod tests {
         .expect("valid")
     }
 
-    /// A merged tree has such planes: those of one tree above those of another, which sorted parts as it liked.
+    /// Merged trees contain such planes: a plane of one tree above planes of another, whose builder chose the side of a
+    /// coplanar piece independently.
     #[test]
-    fn parts_in_a_plane_may_be_on_either_side() {
+    fn pieces_in_a_plane_may_be_on_either_side() {
         let positions = vec![[0.0, 0.0, 0.5], [2.0, 0.0, 0.5], [0.0, 2.0, 0.5]];
         let mesh = Mesh::new(positions, vec![[0, 1, 2]]).expect("valid");
         let node =
@@ -357,18 +372,22 @@ mod tests {
             let tree = Tree::from_parts(pairs, refs, mesh.bounds(), 1, CostModel::CLASSIC);
             tree.expect("valid").check_coverage(&mesh)
         };
-        assert_eq!(covered(leaf(1)), Ok(()), "left below, right above");
+        assert_eq!(
+            covered(leaf(1)),
+            Ok(()),
+            "the left half is below, the right half above"
+        );
         let missing = covered(Node::EMPTY_LEAF);
         let (triangle, leaf) = (0, NodeIndex(7));
         assert_eq!(
             missing,
             Err(Uncovered::Triangle { triangle, leaf }),
-            "right nowhere"
+            "the right half is missing"
         );
     }
 
     #[test]
-    fn coverage_finds_what_is_missing() {
+    fn check_coverage_finds_missing_references() {
         let leaf = |first, count| Node::leaf(first, count).expect("small");
         let good = split_at(2.0, leaf(0, 1), leaf(1, 1), &[Slot(0), Slot(1)]);
         assert_eq!(
@@ -383,7 +402,7 @@ mod tests {
                 triangle: 0,
                 leaf: NodeIndex(2)
             }),
-            "in the wrong leaf"
+            "each in the wrong leaf"
         );
         let straddled = split_at(0.5, leaf(0, 1), leaf(1, 1), &[Slot(0), Slot(1)]);
         assert_eq!(
@@ -392,26 +411,26 @@ mod tests {
                 triangle: 0,
                 leaf: NodeIndex(3)
             }),
-            "half of it is missing"
+            "the upper part of the triangle is missing"
         );
     }
 
     #[test]
-    fn no_nodes_is_no_tree() {
+    fn a_tree_without_nodes_is_refused() {
         let error = Tree::from_parts(vec![], vec![], Aabb::EMPTY, 0, CostModel::CLASSIC);
         assert_eq!(
             error.err(),
             Some(TreeError::NoRoot),
-            "even an empty tree has a root"
+            "an empty tree has a root too"
         );
     }
 
     #[test]
-    fn what_does_not_belong_together_is_refused() {
+    fn invalid_bounds_cost_and_root_are_refused() {
         let leaf = || vec![Pair([Node::EMPTY_LEAF; 2])];
         let with = |bounds, cost| Tree::from_parts(leaf(), vec![], bounds, 0, cost).err();
         let unit = Aabb::around([glam::Vec3::ZERO, glam::Vec3::ONE]);
-        assert_eq!(with(unit, CostModel::CLASSIC), None, "fine");
+        assert_eq!(with(unit, CostModel::CLASSIC), None, "valid");
         let mut infinite = unit;
         infinite.max.x = f32::INFINITY;
         assert_eq!(
@@ -432,7 +451,7 @@ mod tests {
         assert_eq!(
             uncovered,
             Err(Uncovered::Bounds),
-            "the box of something else"
+            "the bounds of another mesh"
         );
         let root = NodeIndex(2);
         let error = Tree::from_arena(Arena::new(), root, unit, CostModel::CLASSIC).err();
@@ -443,9 +462,9 @@ mod tests {
         );
     }
 
-    /// 64 levels of it would be 2⁶⁴ paths.
+    /// 64 levels of shared children would have 2⁶⁴ paths.
     #[test]
-    fn a_parts_list_with_shared_children_is_refused() {
+    fn shared_children_are_refused() {
         let to = |first| Node::interior(Axis::X, 0.5, NodeIndex(first)).expect("small");
         let pairs = vec![
             Pair([to(2), Node::EMPTY_LEAF]),
@@ -461,9 +480,9 @@ mod tests {
         assert_eq!(error, Some(expected), "the second parent");
     }
 
-    /// A thousand leaves that name the same thousand triangles would pack to a million.
+    /// The layout of a thousand leaves that share a thousand references would hold a million triangles.
     #[test]
-    fn a_parts_list_with_shared_references_is_refused() {
+    fn shared_references_are_refused() {
         let unit = Aabb::around([glam::Vec3::ZERO, glam::Vec3::ONE]);
         let root = Node::interior(Axis::X, 0.5, NodeIndex(2)).expect("small");
         let parts = |second| {
@@ -476,7 +495,7 @@ mod tests {
             Tree::from_parts(pairs, refs, unit, 1, CostModel::CLASSIC).err()
         };
         let expected = TreeError::SharedRefs { used: 4, refs: 3 };
-        assert_eq!(parts(1), Some(expected), "one of them twice");
-        assert_eq!(parts(2), None, "each its own");
+        assert_eq!(parts(1), Some(expected), "one reference is shared");
+        assert_eq!(parts(2), None, "each leaf has its own references");
     }
 }

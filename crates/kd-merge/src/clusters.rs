@@ -1,43 +1,42 @@
-//! Clusters of primitives, whose boxes overlap little (Eleftheriades 2010, chapter 5, which names them as future work).
+//! Clusters of primitives whose boxes overlap little (Eleftheriades 2010, chapter 5, which names them as future work).
 //!
-//! Primitives are divided in two by the plane at which whole primitives on either side have the least half area times number,
-//! by their centres, and again, until there are few enough to a cluster.
+//! An object split by centers divides the primitives in two. It takes the plane with the least sum over both sides of half
+//! area times number of primitives. The division repeats until each cluster is small enough.
 
 use kd_core::{Aabb, Axis, PrimSource, Slot};
 
-/// Planes that are looked at on each axis, and one.
+/// The number of bins per axis, one more than that of candidate planes.
 const BINS: usize = 16;
 
-/// A primitive in its box.
+/// A primitive and its box.
 #[derive(Clone, Copy, Debug)]
-struct Boxed {
+struct BoundedPrim {
     slot: Slot,
     bounds: Aabb,
 }
 
-/// Primitives that lie together.
+/// Primitives that are close together, and the box around them.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cluster {
     pub(crate) slots: Vec<Slot>,
-    /// The box around them.
     pub(crate) bounds: Aabb,
 }
 
-/// Clusters of no more than `most` primitives, except where more than those have the same centre.
-pub(crate) fn clusters(slots: &[Slot], source: &impl PrimSource, most: usize) -> Vec<Cluster> {
-    let boxed = slots.iter().map(|slot| Boxed {
+/// Divides primitives into clusters of at most `max_size`, or more if their centers are equal.
+pub(crate) fn clusters(slots: &[Slot], source: &impl PrimSource, max_size: usize) -> Vec<Cluster> {
+    let boxed = slots.iter().map(|slot| BoundedPrim {
         slot: *slot,
         bounds: source.bounds(slot.0),
     });
-    let mut boxed: Vec<Boxed> = boxed.collect();
+    let mut boxed: Vec<BoundedPrim> = boxed.collect();
     let mut to = Vec::new();
-    divide(&mut boxed, most.max(1), &mut to);
+    divide(&mut boxed, max_size.max(1), &mut to);
     to
 }
 
-/// Adds the clusters of some primitives.
-fn divide(primitives: &mut [Boxed], most: usize, to: &mut Vec<Cluster>) {
-    let plane = (primitives.len() > most)
+/// Appends the clusters of `primitives` to `to`.
+fn divide(primitives: &mut [BoundedPrim], max_size: usize, to: &mut Vec<Cluster>) {
+    let plane = (primitives.len() > max_size)
         .then(|| best_plane(primitives))
         .flatten();
     let Some((axis, position)) = plane else {
@@ -49,17 +48,17 @@ fn divide(primitives: &mut [Boxed], most: usize, to: &mut Vec<Cluster>) {
         }
         return;
     };
-    // Stable, so that clusters do not depend on how a sort goes about it.
+    // A stable sort, so that clusters do not depend on its implementation.
     primitives.sort_by_key(|one| one.bounds.center()[axis.index()] >= position);
-    let is_below = |one: &Boxed| one.bounds.center()[axis.index()] < position;
+    let is_below = |one: &BoundedPrim| one.bounds.center()[axis.index()] < position;
     let middle = primitives.partition_point(is_below);
     let (below, above) = primitives.split_at_mut(middle);
-    divide(below, most, to);
-    divide(above, most, to);
+    divide(below, max_size, to);
+    divide(above, max_size, to);
 }
 
-/// The plane between centres of least cost, if there are two.
-fn best_plane(primitives: &[Boxed]) -> Option<(Axis, f32)> {
+/// The cheapest plane between centers; `None` if no plane separates two of them.
+fn best_plane(primitives: &[BoundedPrim]) -> Option<(Axis, f32)> {
     let centers = Aabb::around(primitives.iter().map(|one| one.bounds.center()));
     let planes = Axis::ALL.into_iter().flat_map(|axis| {
         let [min, max] = [centers.min, centers.max].map(|corner| corner[axis.index()]);
@@ -71,12 +70,12 @@ fn best_plane(primitives: &[Boxed]) -> Option<(Axis, f32)> {
     best.map(|(_, axis, position)| (axis, position))
 }
 
-/// Planes with centres on both sides, and what each costs.
-fn planes(primitives: &[Boxed], axis: Axis, [min, max]: [f32; 2]) -> Vec<(f64, f32)> {
-    // Rounding may make two of them one.
+/// The cost and position of each candidate plane that has centers on both sides.
+fn planes(primitives: &[BoundedPrim], axis: Axis, [min, max]: [f32; 2]) -> Vec<(f64, f32)> {
+    // Rounding may make two positions equal.
     let positions: [f32; BINS - 1] = std::array::from_fn(|i| {
-        let part = (i + 1) as f32 / BINS as f32;
-        min * (1.0 - part) + max * part
+        let share = (i + 1) as f32 / BINS as f32;
+        min * (1.0 - share) + max * share
     });
     let mut bins = [(0_usize, Aabb::EMPTY); BINS];
     for one in primitives {
@@ -99,7 +98,7 @@ fn planes(primitives: &[Boxed], axis: Axis, [min, max]: [f32; 2]) -> Vec<(f64, f
     planes.collect()
 }
 
-fn around(primitives: &[Boxed]) -> Aabb {
+fn around(primitives: &[BoundedPrim]) -> Aabb {
     let boxes = primitives.iter().map(|one| one.bounds);
     boxes.fold(Aabb::EMPTY, |around, one| around.union(&one))
 }
@@ -116,32 +115,32 @@ mod tests {
         let mesh = Spd::Gears.generate(1).expect("small").mesh;
         let count = u32::try_from(mesh.len()).expect("small");
         let slots: Vec<Slot> = (0..count).map(Slot).collect();
-        for most in [1, 50, usize::MAX] {
-            let clusters = clusters(&slots, &mesh, most);
+        for max_size in [1, 50, usize::MAX] {
+            let clusters = clusters(&slots, &mesh, max_size);
             let mut all = Vec::new();
             for Cluster { slots, bounds } in &clusters {
                 let boxes = slots.iter().map(|slot| PrimSource::bounds(&mesh, slot.0));
                 let around = boxes.fold(Aabb::EMPTY, |around, one| around.union(&one));
-                assert_eq!(around, *bounds, "{most}: the box around what is in it");
+                assert_eq!(around, *bounds, "{max_size}: the box around its primitives");
                 let centers = slots
                     .iter()
                     .map(|slot| PrimSource::bounds(&mesh, slot.0).center());
                 let centers = Aabb::around(centers);
                 assert!(
-                    slots.len() <= most || centers.extent().max_element() == 0.0,
-                    "{most}: {} with centres in {centers:?}",
+                    slots.len() <= max_size || centers.extent().max_element() == 0.0,
+                    "{max_size}: {} primitives with centers in {centers:?}",
                     slots.len()
                 );
                 all.extend_from_slice(slots);
             }
             all.sort_unstable();
-            assert_eq!(all, slots, "{most}: each once");
+            assert_eq!(all, slots, "{max_size}: each primitive once");
         }
     }
 
     #[test]
-    fn clusters_lie_apart_where_primitives_do() {
-        // Two heaps, far apart, in turn.
+    fn separate_groups_become_separate_clusters() {
+        // Triangles that alternate between two groups, far apart.
         let corner = |i: u32| [(i % 2 * 100) as f32, i as f32 * 0.1, 0.0];
         let positions = (0..40).flat_map(|i| {
             let [x, y, z] = corner(i);
@@ -157,11 +156,11 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_told_apart_is_one_cluster() {
+    fn primitives_of_equal_center_form_one_cluster() {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let mesh = Mesh::new(positions, vec![[0, 1, 2]; 9]).expect("valid");
         let slots: Vec<Slot> = (0..9).map(Slot).collect();
-        assert_eq!(clusters(&slots, &mesh, 4).len(), 1, "of one centre");
-        assert_eq!(clusters(&[], &mesh, 4), [], "nothing");
+        assert_eq!(clusters(&slots, &mesh, 4).len(), 1, "equal centers");
+        assert_eq!(clusters(&[], &mesh, 4), [], "no primitives");
     }
 }

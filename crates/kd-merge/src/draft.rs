@@ -1,35 +1,39 @@
-//! A tree while it is put together: new nodes over subtrees that lie in an arena already.
+//! A tree under construction: new nodes over subtrees of an arena.
 
 use kd_core::{Arena, Axis, Node, NodeIndex, NodeView, Pair, Slot, TreeError};
 use kd_sah::BuildError;
 
 use crate::{Census, Merged};
 
-/// New nodes and references. Nothing of the arena is changed until they are [written](Fresh::write).
+/// New nodes and references. The arena is unchanged until they are [written](Fresh::write).
+///
+/// A *fork* is a draft over a base draft, which stays unchanged: threads add nodes to forks of one base.
 #[derive(Debug)]
 pub(crate) struct Draft<'a> {
     arena: &'a Arena,
     census: Option<&'a Census>,
-    /// What this one goes on from, which other threads go on from too.
+    /// The draft that this fork extends. Forks on other threads may share it.
     base: Option<&'a Self>,
     fresh: Fresh,
     pub(crate) counts: Counts,
 }
 
-/// New nodes and references, apart from the arena that they are to go to.
+/// New nodes and references, not yet written to an arena.
 #[derive(Debug, Default)]
 pub(crate) struct Fresh {
-    /// The numbers of the first node and the first reference here: those before are the base's.
+    /// The number of the first node here. Lower numbers belong to the base.
     first_node: u32,
+    /// The number of the first reference here. Lower numbers belong to the base.
     first_ref: u32,
-    nodes: Vec<New>,
-    /// Levels and references below each.
+    nodes: Vec<NewNode>,
+    /// The number of levels below each node.
     heights: Vec<usize>,
+    /// The number of references below each node.
     references: Vec<u32>,
     refs: Vec<Slot>,
 }
 
-/// What was done.
+/// Operations counted for [`Merged`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
     pub(crate) cut: usize,
@@ -37,12 +41,12 @@ pub(crate) struct Counts {
     pub(crate) rebuilt: usize,
 }
 
-/// A subtree.
+/// A subtree of a draft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Subtree {
-    /// One of the arena, as it is.
+    /// A subtree of the arena, by the index of its root. It is shared.
     Linked(NodeIndex),
-    /// One below a new node, by its number.
+    /// A subtree whose root is a new node, by the number of that node.
     New(u32),
     /// A leaf without references.
     Empty,
@@ -50,29 +54,29 @@ pub(crate) enum Subtree {
 
 /// A new node.
 #[derive(Clone, Copy, Debug)]
-enum New {
+enum NewNode {
     Split {
         axis: Axis,
         split: f32,
-        parts: [Subtree; 2],
+        children: [Subtree; 2],
     },
-    /// Of the new references.
+    /// A range of the new references.
     Leaf { first: u32, count: u32 },
 }
 
-/// What a subtree consists of.
+/// The root of a subtree, linked or new.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum View {
+pub(crate) enum SubtreeView {
     Split {
         axis: Axis,
         split: f32,
         /// The lower one first.
-        parts: [Subtree; 2],
+        children: [Subtree; 2],
     },
     Leaf(Leaf),
 }
 
-/// Some references.
+/// A range of references, of the arena or of the draft.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Leaf {
     is_new: bool,
@@ -81,6 +85,7 @@ pub(crate) struct Leaf {
 }
 
 impl<'a> Draft<'a> {
+    /// An empty draft.
     pub(crate) fn new(arena: &'a Arena) -> Self {
         Self {
             arena,
@@ -91,7 +96,7 @@ impl<'a> Draft<'a> {
         }
     }
 
-    /// One that knows how many references there are.
+    /// An empty draft that knows the number of references below each node of the arena.
     pub(crate) fn with_census(arena: &'a Arena, census: &'a Census) -> Self {
         Self {
             census: Some(census),
@@ -107,30 +112,38 @@ impl<'a> Draft<'a> {
         self.census
     }
 
-    /// What a subtree consists of.
-    pub(crate) fn view(&self, subtree: Subtree) -> View {
+    /// The root of a subtree.
+    pub(crate) fn view(&self, subtree: Subtree) -> SubtreeView {
         match subtree {
-            Subtree::Linked(place) => match self.arena.nodes()[place.index()].view() {
-                NodeView::Interior { axis, split, first } => View::Split {
+            Subtree::Linked(index) => match self.arena.nodes()[index.index()].view() {
+                NodeView::Interior { axis, split, first } => SubtreeView::Split {
                     axis,
                     split,
-                    parts: [first, first.sibling()].map(Subtree::Linked),
+                    children: [first, first.sibling()].map(Subtree::Linked),
                 },
-                NodeView::Leaf { first, count } => View::Leaf(Leaf {
+                NodeView::Leaf { first, count } => SubtreeView::Leaf(Leaf {
                     is_new: false,
                     first: first as usize,
                     count: count as usize,
                 }),
             },
             Subtree::New(number) => match *self.fresh_with(number).node(number) {
-                New::Split { axis, split, parts } => View::Split { axis, split, parts },
-                New::Leaf { first, count } => View::Leaf(Leaf {
+                NewNode::Split {
+                    axis,
+                    split,
+                    children,
+                } => SubtreeView::Split {
+                    axis,
+                    split,
+                    children,
+                },
+                NewNode::Leaf { first, count } => SubtreeView::Leaf(Leaf {
                     is_new: true,
                     first: first as usize,
                     count: count as usize,
                 }),
             },
-            Subtree::Empty => View::Leaf(Leaf {
+            Subtree::Empty => SubtreeView::Leaf(Leaf {
                 is_new: true,
                 first: 0,
                 count: 0,
@@ -151,52 +164,56 @@ impl<'a> Draft<'a> {
         draft.fresh.refs(leaf.first, leaf.count)
     }
 
-    /// A new leaf.
+    /// Adds a leaf; [`Subtree::Empty`] without references.
     pub(crate) fn leaf(&mut self, refs: &[Slot]) -> Subtree {
         if refs.is_empty() {
             return Subtree::Empty;
         }
         let (first, count) = (self.fresh.next_ref(), to_u32(refs.len()));
         self.fresh.refs.extend_from_slice(refs);
-        self.add(New::Leaf { first, count }, 0, count)
+        self.add(NewNode::Leaf { first, count }, 0, count)
     }
 
-    /// A new node, or nothing over nothing.
-    pub(crate) fn split(&mut self, axis: Axis, split: f32, parts: [Subtree; 2]) -> Subtree {
-        if parts.iter().all(|part| self.is_empty(*part)) {
+    /// Adds an interior node; [`Subtree::Empty`] if both children are empty.
+    pub(crate) fn split(&mut self, axis: Axis, split: f32, children: [Subtree; 2]) -> Subtree {
+        if children.iter().all(|child| self.is_empty(*child)) {
             return Subtree::Empty;
         }
-        let heights = parts.map(|part| self.height(part));
-        let references = parts.map(|part| self.references(part));
+        let heights = children.map(|child| self.height(child));
+        let references = children.map(|child| self.references(child));
         self.add(
-            New::Split { axis, split, parts },
+            NewNode::Split {
+                axis,
+                split,
+                children,
+            },
             1 + heights[0].max(heights[1]),
             references[0].saturating_add(references[1]),
         )
     }
 
-    /// Levels below a subtree, 0 for a leaf.
+    /// The number of levels below the root of a subtree, 0 for a leaf.
     pub(crate) fn height(&self, subtree: Subtree) -> usize {
         match subtree {
-            Subtree::Linked(place) => {
-                let height = self.arena.height(place);
-                usize::from(height.expect("what is linked is frozen"))
+            Subtree::Linked(index) => {
+                let height = self.arena.height(index);
+                usize::from(height.expect("linked nodes are frozen"))
             }
             Subtree::New(number) => self.fresh_with(number).height(number),
             Subtree::Empty => 0,
         }
     }
 
-    /// References below a subtree; of those that are linked only with a census.
+    /// The number of references of a subtree. Without a census, linked subtrees count 0.
     pub(crate) fn references(&self, subtree: Subtree) -> u32 {
         match subtree {
-            Subtree::Linked(place) => self.census.map_or(0, |census| census.references(place)),
+            Subtree::Linked(index) => self.census.map_or(0, |census| census.references(index)),
             Subtree::New(number) => self.fresh_with(number).references(number),
             Subtree::Empty => 0,
         }
     }
 
-    /// All references below some subtrees, each slot once, in order.
+    /// All slots that the leaves of some subtrees refer to, sorted, each once.
     pub(crate) fn slots(&self, subtrees: impl IntoIterator<Item = Subtree>) -> Vec<Slot> {
         let mut slots = Vec::new();
         for subtree in subtrees {
@@ -207,24 +224,24 @@ impl<'a> Draft<'a> {
         slots
     }
 
-    /// Adds all references below a subtree to a list.
+    /// Appends all references of a subtree to a list.
     fn collect(&self, subtree: Subtree, to: &mut Vec<Slot>) {
         match self.view(subtree) {
-            View::Leaf(leaf) => to.extend_from_slice(self.refs_of(leaf)),
-            View::Split { parts, .. } => {
-                for part in parts {
-                    self.collect(part, to);
+            SubtreeView::Leaf(leaf) => to.extend_from_slice(self.refs_of(leaf)),
+            SubtreeView::Split { children, .. } => {
+                for child in children {
+                    self.collect(child, to);
                 }
             }
         }
     }
 
-    /// Whether it is a leaf without references.
+    /// Whether a subtree is a leaf without references.
     pub(crate) fn is_empty(&self, subtree: Subtree) -> bool {
-        matches!(self.view(subtree), View::Leaf(Leaf { count: 0, .. }))
+        matches!(self.view(subtree), SubtreeView::Leaf(Leaf { count: 0, .. }))
     }
 
-    fn add(&mut self, node: New, height: usize, references: u32) -> Subtree {
+    fn add(&mut self, node: NewNode, height: usize, references: u32) -> Subtree {
         let number = self.fresh.next_node();
         self.fresh.nodes.push(node);
         self.fresh.heights.push(height);
@@ -232,7 +249,7 @@ impl<'a> Draft<'a> {
         Subtree::New(number)
     }
 
-    /// Those new nodes that a node is among.
+    /// The list that holds the new node `number`: that of this fork or of one of its bases.
     fn fresh_with(&self, number: u32) -> &Fresh {
         let mut draft = self;
         while let Some(base) = draft.base
@@ -243,7 +260,7 @@ impl<'a> Draft<'a> {
         &draft.fresh
     }
 
-    /// Makes two subtrees, on two threads if `is_parallel`. What comes out is the same, number by number.
+    /// Makes two subtrees, on two threads if `is_parallel`. The result is identical, down to the numbers of nodes.
     pub(crate) fn both(
         &mut self,
         is_parallel: bool,
@@ -258,7 +275,7 @@ impl<'a> Draft<'a> {
         Ok([self.absorb(a?), self.absorb(b?)])
     }
 
-    /// What is made by going on from here, without changing what is here.
+    /// Runs `work` on a fork of this draft and returns the nodes that it added.
     fn with_fork(
         &self,
         work: impl FnOnce(&mut Draft<'_>) -> Result<Subtree, BuildError>,
@@ -278,7 +295,7 @@ impl<'a> Draft<'a> {
         Ok((fork.fresh, fork.counts, subtree))
     }
 
-    /// Appends what was made by going on from here.
+    /// Appends the nodes of a fork and returns its subtree, renumbered.
     fn absorb(&mut self, (other, counts, root): (Fresh, Counts, Subtree)) -> Subtree {
         let fresh = &mut self.fresh;
         let node_shift = fresh.next_node() - other.first_node;
@@ -290,12 +307,16 @@ impl<'a> Draft<'a> {
         fresh
             .nodes
             .extend(other.nodes.into_iter().map(|node| match node {
-                New::Split { axis, split, parts } => New::Split {
+                NewNode::Split {
                     axis,
                     split,
-                    parts: parts.map(moved),
+                    children,
+                } => NewNode::Split {
+                    axis,
+                    split,
+                    children: children.map(moved),
                 },
-                New::Leaf { first, count } => New::Leaf {
+                NewNode::Leaf { first, count } => NewNode::Leaf {
                     first: first + ref_shift,
                     count,
                 },
@@ -307,7 +328,7 @@ impl<'a> Draft<'a> {
         moved(root)
     }
 
-    /// Lets go of the arena.
+    /// Ends the borrow of the arena.
     pub(crate) fn finish(self) -> (Fresh, Counts) {
         (self.fresh, self.counts)
     }
@@ -322,7 +343,7 @@ impl Counts {
 }
 
 fn to_u32(count: usize) -> u32 {
-    u32::try_from(count).expect("fewer than 2^32 references, as in an arena")
+    u32::try_from(count).expect("an arena has fewer than 2^32 references")
 }
 
 impl Fresh {
@@ -336,7 +357,7 @@ impl Fresh {
         self.first_ref + to_u32(self.refs.len())
     }
 
-    fn node(&self, number: u32) -> &New {
+    fn node(&self, number: u32) -> &NewNode {
         &self.nodes[(number - self.first_node) as usize]
     }
 
@@ -352,20 +373,20 @@ impl Fresh {
         &self.refs[first - self.first_ref as usize..][..count]
     }
 
-    /// Appends what is below `root` to the arena, as a tree of its own, and gives its place.
+    /// Appends the subtree `root` to the arena as a fresh tree.
     ///
     /// # Errors
     ///
-    /// [`TreeError::TooLarge`] if it does not fit. A part may have been written then; it is fresh, and can be truncated.
+    /// [`TreeError::TooLarge`] if it does not fit. Nodes may have been written by then; they are fresh and can be truncated.
     pub(crate) fn write(
         &self,
         counts: Counts,
         arena: &mut Arena,
         root: Subtree,
     ) -> Result<Merged, TreeError> {
-        let place = arena.push(Pair([Node::EMPTY_LEAF; 2]))?;
+        let index = arena.push(Pair([Node::EMPTY_LEAF; 2]))?;
         let mut merged = Merged {
-            root: place,
+            root: index,
             new_nodes: 0,
             new_references: 0,
             links: 0,
@@ -374,11 +395,11 @@ impl Fresh {
             rebuilt: counts.rebuilt,
         };
         let node = self.write_node(arena, root, &mut merged)?;
-        arena.set(place, node);
+        arena.set(index, node);
         Ok(merged)
     }
 
-    /// A node whose children have been written.
+    /// Writes everything below a subtree's root and returns the root, which is not yet written.
     fn write_node(
         &self,
         arena: &mut Arena,
@@ -387,27 +408,31 @@ impl Fresh {
     ) -> Result<Node, TreeError> {
         let number = match subtree {
             Subtree::Empty => return Ok(Node::EMPTY_LEAF),
-            Subtree::Linked(place) => {
+            Subtree::Linked(index) => {
                 merged.links += 1;
-                return Ok(arena.nodes()[place.index()]);
+                return Ok(arena.nodes()[index.index()]);
             }
             Subtree::New(number) => number,
         };
         merged.new_nodes += 1;
         match *self.node(number) {
-            New::Leaf { first, count } => {
+            NewNode::Leaf { first, count } => {
                 merged.new_references += count as usize;
                 let refs = self.refs(first as usize, count as usize);
                 let first = arena.push_refs(refs)?;
-                Ok(Node::leaf(first, count).expect("as many as an arena has, which are fewer"))
+                Ok(Node::leaf(first, count).expect("a leaf has fewer than 2^30 references"))
             }
-            New::Split { axis, split, parts } => {
-                let place = arena.push(Pair([Node::EMPTY_LEAF; 2]))?;
-                for (child, part) in [place, place.sibling()].into_iter().zip(parts) {
-                    let node = self.write_node(arena, part, merged)?;
-                    arena.set(child, node);
+            NewNode::Split {
+                axis,
+                split,
+                children,
+            } => {
+                let first = arena.push(Pair([Node::EMPTY_LEAF; 2]))?;
+                for (index, child) in [first, first.sibling()].into_iter().zip(children) {
+                    let node = self.write_node(arena, child, merged)?;
+                    arena.set(index, node);
                 }
-                Ok(Node::interior(axis, split, place).expect("the arena has given the place"))
+                Ok(Node::interior(axis, split, first).expect("indices of the arena fit"))
             }
         }
     }

@@ -1,4 +1,4 @@
-//! How many primitives lie left of, right of and on a plane, from a few nodes of a tree over them.
+//! Estimating the number of references left of, right of and on a plane from a few nodes of a tree.
 
 use std::collections::BinaryHeap;
 
@@ -6,14 +6,14 @@ use kd_core::{Axis, Node, NodeIndex, NodeView, PrimSource, Slot, Tree};
 
 use crate::Census;
 
-/// References on either side of a plane, and those of primitives that reach to both sides.
+/// Numbers of references by the side of a plane on which their primitives are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sides {
-    /// Of primitives that lie below the plane, or in it.
+    /// References to primitives below the plane, or in it.
     pub left: f64,
-    /// Of primitives that lie above it.
+    /// References to primitives above the plane.
     pub right: f64,
-    /// Of primitives that it cuts.
+    /// References to primitives that the plane cuts.
     pub on: f64,
 }
 
@@ -24,24 +24,25 @@ impl Sides {
         self.on += other.on;
     }
 
-    /// All of them: as many as the tree has references.
+    /// The sum of all three: the number of references of the tree.
     pub fn total(&self) -> f64 {
         self.left + self.right + self.on
     }
 }
 
-/// Estimates how many references of a tree belong to primitives left of, right of and on a plane across `axis`, from at most
-/// `visits` nodes that the plane passes through.
+/// Estimates how many references of a tree belong to primitives left of, right of and on the plane at `position` along
+/// `axis`, from at most `visits` nodes that the plane crosses.
 ///
-/// What lies on one side of a node's own plane is counted at once. Where the plane passes through both children, and so
-/// through more nodes than may be visited, those with most references are visited first, and what is left is taken for evenly
-/// spread: the plane passes through n^(2/3) of n leaves side by side. In a leaf that is visited, primitives are looked at.
+/// A subtree whose cell is on one side of the plane is counted from the census, without a visit. If the plane crosses more
+/// nodes than may be visited, the nodes with the most references are visited first. The references of crossed nodes that
+/// are not visited are assumed to be evenly distributed: the plane then crosses n^(2/3) of n leaves. In a visited leaf,
+/// each primitive is compared with the plane.
 ///
-/// With as many visits as the plane passes nodes, what is told is true of the tree's references, except that one whose leaf lies
-/// on one side of the plane counts there, though its primitive be cut. O(v log v) for v visits, and the primitives of the leaves
-/// among them.
+/// If `visits` is at least the number of nodes that the plane crosses, the result is exact but for one case: a reference in
+/// a leaf whose cell is on one side of the plane counts on that side, even if its primitive is cut. O(v log v) for v visits,
+/// plus the primitives of visited leaves.
 ///
-/// | visits | median error, of all references | largest |
+/// | visits | median error, of all references | largest error |
 /// |--:|--:|--:|
 /// | 1 | 25 % | 55 % |
 /// | 8 | 11 % | 55 % |
@@ -49,14 +50,14 @@ impl Sides {
 /// | 512 | 0.2 % | 17 % |
 /// | all | 0.2 % | 17 % |
 ///
-/// (At most, on three generated scenes of 2 816 to 17 474 triangles, for 60 planes each: the test `errors_are_as_documented`.
-/// The 17 % are gears whose large faces are in many leaves beside the plane.)
+/// (The maximum over three generated scenes of 2 816 to 17 474 triangles, with 60 planes each: test
+/// `errors_are_as_documented`. The 17 % occur in gears, whose large faces are in many leaves beside the plane.)
 ///
-/// (Eleftheriades 2010, §3.1, which names it, and leaves open how.)
+/// Eleftheriades 2010, §3.1, names the estimate and leaves its method open.
 ///
 /// # Panics
 ///
-/// If the census is not of this tree's nodes, or the source not what the tree was built over.
+/// If `census` does not count the nodes of this tree, or `source` is not the source of the tree.
 pub fn estimate(
     tree: &Tree,
     census: &Census,
@@ -70,8 +71,8 @@ pub fn estimate(
     estimate_below(of, source, tree.root(), range, axis, position, visits)
 }
 
-/// The same for what is below a node of an arena, whose cell has this range along the axis; given the arena's nodes and
-/// references, and their census.
+/// The same for the subtree of one node of an arena. `range` is the extent of its cell along the axis. The first argument
+/// holds the nodes and references of the arena, and their census.
 pub(crate) fn estimate_below(
     (nodes, refs, census): (&[Node], &[Slot], &Census),
     source: &impl PrimSource,
@@ -83,7 +84,7 @@ pub(crate) fn estimate_below(
 ) -> Sides {
     let mut sides = Sides::default();
     let mut cut = BinaryHeap::new();
-    let root = Cut {
+    let root = CrossedNode {
         references: census.references(node),
         node,
         range,
@@ -118,7 +119,7 @@ pub(crate) fn estimate_below(
                     [next.range; 2]
                 };
                 for (node, range) in [first, first.sibling()].into_iter().zip(ranges) {
-                    let child = Cut {
+                    let child = CrossedNode {
                         references: census.references(node),
                         node,
                         range,
@@ -134,17 +135,18 @@ pub(crate) fn estimate_below(
     sides
 }
 
-/// A node that the plane may pass through. The one with most references is the greatest, the first among equals.
+/// A node whose cell the plane may cross. In the order of the heap, the node with the most references is the greatest; of
+/// equals, the one with the lowest index.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Cut {
+struct CrossedNode {
     references: u32,
     node: NodeIndex,
-    /// Of its cell, along the axis.
+    /// The extent of its cell along the axis.
     range: [f32; 2],
 }
 
-impl Cut {
-    /// Counts it, or keeps it if the plane passes through its cell.
+impl CrossedNode {
+    /// Counts the node if its cell is on one side, or adds it to `cut` if the plane crosses its cell.
     fn sort(self, position: f32, sides: &mut Sides, cut: &mut BinaryHeap<Self>) {
         let [lo, hi] = self.range;
         if hi <= position {
@@ -156,7 +158,7 @@ impl Cut {
         }
     }
 
-    /// Counts it as if what is in it were spread evenly.
+    /// Counts the node as if its references were evenly distributed over its cell.
     fn spread(self, census: &Census, position: f32, sides: &mut Sides) {
         let references = f64::from(self.references);
         let [lo, hi] = self.range.map(f64::from);
@@ -168,15 +170,15 @@ impl Cut {
     }
 }
 
-impl Eq for Cut {}
+impl Eq for CrossedNode {}
 
-impl PartialOrd for Cut {
+impl PartialOrd for CrossedNode {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Cut {
+impl Ord for CrossedNode {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         let key = |cut: &Self| (cut.references, std::cmp::Reverse(cut.node));
         key(self).cmp(&key(other))

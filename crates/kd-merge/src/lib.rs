@@ -1,15 +1,15 @@
-//! Trees made of trees: what stands still is built once, and a frame puts it together with what moved.
+//! Merging of kd-trees. Static geometry is built once, and each frame merges its tree with the trees of moving geometry.
 //!
-//! After G. Eleftheriades, *Kd-tree merging* (2010), chapter 3. There, merging destroys both trees, and a copy of the one that
-//! stands still is part of every frame. Here trees lie in an [`Arena`](kd_core::Arena) and never change: a merged tree consists
-//! of new nodes, and of links to subtrees that it shares with the trees it was made from.
+//! The methods follow G. Eleftheriades, *Kd-tree merging* (2010), chapter 3. There, merging destroys both trees, and every
+//! frame copies the static one. Here trees are stored in an [`Arena`](kd_core::Arena) and never change: a merged tree consists
+//! of new nodes and of links to subtrees that it shares with its source trees.
 //!
 //! ```
 //! use kd_core::{Arena, CostModel, Mesh, Tree};
 //! use kd_merge::{MergeOptions, bsp_merge};
 //! use kd_sah::{BuildOptions, build};
 //!
-//! // A triangle that stands still, and one that will move, numbered on.
+//! // A static triangle with number 0 and a moving triangle with number 1.
 //! let still = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
 //! let moving = Mesh::new(vec![[0.5, 0.0, 2.0], [1.5, 0.0, 2.0], [0.5, 1.0, 2.0]], vec![[0, 1, 2]])?;
 //! let both = Mesh::new(
@@ -31,18 +31,18 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Which method
+//! # Methods
 //!
-//! | function | from | does |
+//! | function | source | operation |
 //! |---|---|---|
-//! | [`estimate`] | §3.1 | how many primitives lie on either side of a plane, from a few nodes |
+//! | [`estimate`] | §3.1 | estimates the number of references on either side of a plane from a few nodes |
 //! | [`partition`] | §3.2, Alg. 7 | cuts a tree in two at a plane |
 //! | [`bsp_merge`] | §3.3, Alg. 8 | cuts the second tree by the planes of the first |
-//! | [`partition_trees`] | §3.4, Alg. 9 | sweeps over boxes of trees, dissolves those that overlap |
-//! | [`build_clusters`] | ch. 5 | a tree for each of many clusters, for [`partition_trees`] to merge |
-//! | [`insert`] | §3.5 | sends the primitives of the second tree down the first |
+//! | [`partition_trees`] | §3.4, Alg. 9 | splits a set of trees by the SAH over their boxes and dissolves overlapping trees |
+//! | [`build_clusters`] | ch. 5 | builds a tree for each of many clusters, for [`partition_trees`] to merge |
+//! | [`insert`] | §3.5 | inserts the primitives of the second tree into the first |
 //!
-//! Primitives are told by one [`PrimSource`](kd_core::PrimSource) whose numbers are the slots of references: those of all trees.
+//! One [`PrimSource`](kd_core::PrimSource) holds the primitives of all trees; its numbers are the slots of references.
 #![forbid(unsafe_code)]
 
 mod census;

@@ -1,64 +1,65 @@
-//! Merging trees of an arena: what is public, around the parts that do it.
+//! The public functions of the crate, over the modules that implement the methods.
 
 use kd_core::{Aabb, Arena, Axis, MAX_DEPTH, NodeIndex, PrimSource, Slot, TreeError};
 use kd_sah::BuildError;
 use thiserror::Error;
 
 use crate::clusters::clusters;
-use crate::draft::{Draft, Subtree, View};
+use crate::draft::{Draft, Subtree, SubtreeView};
 use crate::partition::{Slots, cut};
-use crate::partition_trees::{Item, TreePartition};
+use crate::partition_trees::{TreeInCell, TreePartition};
 use crate::{Census, MergeOptions, insert as inserting};
 
-/// A tree that was put together: fresh in its arena, until that is frozen.
+/// A merged tree and counts of the work. The tree is fresh until its arena is frozen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Merged {
-    /// Where it starts.
+    /// The index of the root node.
     pub root: NodeIndex,
-    /// Nodes that were written.
+    /// The number of nodes written.
     pub new_nodes: usize,
-    /// References that were written.
+    /// The number of references written.
     pub new_references: usize,
-    /// Subtrees that it shares with other trees of the arena.
+    /// The number of links to subtrees that other trees of the arena share.
     pub links: usize,
-    /// Trees that were cut by a plane of another, or between others.
+    /// The number of subtrees cut by a plane of another tree, or by a plane chosen between trees.
     pub cut: usize,
-    /// Roots that were taken away so that their children could be sorted.
+    /// The number of dissolved roots: roots replaced by their two children.
     pub dissolved: usize,
-    /// Parts that were built anew, leaves that were divided again among them.
+    /// The number of subtrees built again, including leaves that were divided again.
     pub rebuilt: usize,
 }
 
-/// A tree of an arena.
+/// A tree of an arena and its box.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    /// Where it starts.
+    /// The index of the root node.
     pub root: NodeIndex,
-    /// The box around its primitives.
+    /// The box around the primitives of the tree.
     pub bounds: Aabb,
 }
 
-/// Why trees could not be put together.
+/// The reason why trees could not be merged.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum MergeError {
-    /// The arena is full.
+    /// A tree is not frozen, or the arena is full.
     #[error("the merged tree: {0}")]
     Tree(#[from] TreeError),
-    /// A leaf could not be divided again.
-    #[error("a part of the merged tree: {0}")]
+    /// A subtree could not be built.
+    #[error("a subtree of the merged tree: {0}")]
     Build(#[from] BuildError),
 }
 
-/// Cuts a tree in two at a plane: what is below it, and what is above. (Eleftheriades 2010, §3.2, algorithm 7.)
+/// Cuts a tree in two at a plane and returns the tree below the plane, then the tree above it. (Eleftheriades 2010, §3.2,
+/// algorithm 7.)
 ///
-/// A primitive that the plane cuts is in both, one that lies in it in the lower part. Nodes and references are numbers of the
-/// arena, and `source` tells primitives by them; `bounds` is the box around the tree's. The tree stays what it is, and what
-/// the plane does not pass through is shared with it. Linear in the nodes that the plane passes through.
+/// A primitive that the plane cuts is in both results. A primitive in the plane is in the lower one. `source` holds the
+/// primitives by slot. `bounds` is the box around the primitives of the tree. The tree is unchanged, and both results share
+/// the subtrees that the plane does not cross. Linear in the number of nodes that the plane crosses.
 ///
 /// # Errors
 ///
-/// If a tree is not frozen, or the arena is full. What has been written is fresh, and can be truncated.
+/// [`MergeError::Tree`] if the tree is not frozen or the arena is full. Nodes written by then are fresh and can be truncated.
 pub fn partition(
     arena: &mut Arena,
     tree: NodeIndex,
@@ -69,7 +70,7 @@ pub fn partition(
 ) -> Result<[Merged; 2], MergeError> {
     check_frozen(arena, tree)?;
     let mut draft = Draft::new(arena);
-    let parts = cut(
+    let halves = cut(
         &mut draft,
         source,
         Subtree::Linked(tree),
@@ -78,17 +79,20 @@ pub fn partition(
         position,
     );
     let (fresh, counts) = draft.finish();
-    let [below, above] = parts.map(|part| fresh.write(counts, arena, part));
+    let [below, above] = halves.map(|half| fresh.write(counts, arena, half));
     Ok([below?, above?])
 }
 
-/// Sends primitives down a tree, and divides again what becomes too full. (Eleftheriades 2010, §3.5.)
+/// Inserts the primitives `slots` into a tree, and divides leaves again that become too large. (Eleftheriades 2010, §3.5.)
 ///
-/// `bounds` is the box around the tree's primitives and the new ones, `slots`. What none of them reaches into is shared.
+/// `bounds` is the box around the primitives of the tree and the inserted ones. The result shares the subtrees that no
+/// inserted primitive reaches into. The time is proportional to the number of nodes that each inserted primitive reaches
+/// into, summed over these primitives, plus the builds of divided leaves.
 ///
 /// # Errors
 ///
-/// If a tree is not frozen, the arena is full, or a leaf cannot be divided. What has been written is fresh, and can be truncated.
+/// [`MergeError`] if the tree is not frozen, the arena is full, or a leaf cannot be divided. Nodes written by then are
+/// fresh and can be truncated.
 pub fn insert(
     arena: &mut Arena,
     tree: NodeIndex,
@@ -107,16 +111,18 @@ pub fn insert(
     Ok(fresh.write(counts, arena, root)?)
 }
 
-/// Merges two trees: the second is cut by the planes of the first, and where one has come to a leaf, its primitives are sent
-/// down the other. (Eleftheriades 2010, §3.3, algorithm 8.)
+/// Merges two trees. The planes of the first cut the second. Where one of them is a leaf, its primitives are inserted into
+/// the other. (Eleftheriades 2010, §3.3, algorithm 8.)
 ///
-/// `bounds` is the box around both. Where one tree is empty, the other is shared as it is. Where the planes of one below
-/// those of the other would make a path too long, that part is built anew. As the thesis says: it is correct, and not good,
-/// because it asks neither what a plane costs nor what it separates.
+/// `bounds` is the box around both trees. Where one tree is empty, the result shares the other. Where the planes of both
+/// trees together would make a path longer than [`MAX_DEPTH`], the subtree is built again. As the thesis states, the
+/// result is correct but of low quality, since the method considers neither the cost of a plane nor what it separates.
+/// Each plane of the first tree costs one [`partition`] of the second tree's subtree in its cell.
 ///
 /// # Errors
 ///
-/// If a tree is not frozen, the arena is full, or a part cannot be built. What has been written is fresh, and can be truncated.
+/// [`MergeError`] if a tree is not frozen, the arena is full, or a subtree cannot be built. Nodes written by then are fresh
+/// and can be truncated.
 pub fn bsp_merge(
     arena: &mut Arena,
     trees: [NodeIndex; 2],
@@ -139,14 +145,15 @@ pub fn bsp_merge(
 
 /// Merges any number of trees by the surface area heuristic over their boxes. (Eleftheriades 2010, §3.4, algorithm 9.)
 ///
-/// A plane between trees is taken where there is one; where there is none, every tree is dissolved into its two children, and
-/// the best plane is taken then, whatever it cuts. It ends where one tree fills its volume, which is shared, or where there are
-/// only leaves left. The census is that of the arena. O(t log t) for t trees in a volume, those that dissolving makes included:
-/// little where trees are apart, and much where they overlap.
+/// If a plane between trees exists, the cheapest one splits the volume. Otherwise every tree is dissolved into its two
+/// children, and the cheapest plane of all then splits the volume, even if it cuts trees. The recursion ends where one tree
+/// fills its volume, which the result shares, or where only leaves are left. `census` is that of the arena. O(t log t) for
+/// the t trees of a volume, including those from dissolving: cheap where trees are apart, expensive where they overlap.
 ///
 /// # Errors
 ///
-/// If a tree is not frozen, the arena is full, or a part cannot be built. What has been written is fresh, and can be truncated.
+/// [`MergeError`] if a tree is not frozen, the arena is full, or a subtree cannot be built. Nodes written by then are fresh
+/// and can be truncated.
 ///
 /// # Panics
 ///
@@ -163,7 +170,7 @@ pub fn partition_trees(
     }
     let bounds = trees.iter().map(|tree| tree.bounds);
     let bounds = bounds.fold(Aabb::EMPTY, |all, one| all.union(&one));
-    let items = trees.iter().map(|tree| Item {
+    let items = trees.iter().map(|tree| TreeInCell {
         tree: Subtree::Linked(tree.root),
         cell: tree.bounds,
     });
@@ -181,12 +188,12 @@ pub fn partition_trees(
     Ok(fresh.write(counts, arena, root)?)
 }
 
-/// Builds a tree over each of some clusters of primitives, of at most `most` each (unless more have the same centre), whose
-/// boxes overlap little. (Eleftheriades 2010, chapter 5, where it is future work: cluster, build, merge.)
+/// Divides primitives into clusters whose boxes overlap little, and builds a tree over each. (Eleftheriades 2010, chapter 5,
+/// which names it as future work: cluster, build, merge.)
 ///
-/// The trees are appended, are fresh, and are to be frozen. [`partition_trees`] merges them, with others or alone, and finds
-/// planes between most of them: so what overlaps is dissolved only as far as its clusters do. O(n log n) for n primitives to find
-/// clusters, and what the options' builder takes.
+/// A cluster has at most `max_size` primitives, unless more of them have the same center. The trees are appended to the
+/// arena and are fresh; the caller freezes them. [`partition_trees`] merges them, alone or with others. It finds planes
+/// between most clusters, and so dissolves only the clusters that overlap. O(n log n) for n primitives, plus the builds.
 ///
 /// ```
 /// use kd_core::{Arena, CostModel, Mesh, Slot, Tree};
@@ -215,19 +222,19 @@ pub fn partition_trees(
 ///
 /// # Errors
 ///
-/// If the arena is full, or a cluster cannot be built. What has been written is fresh, and can be truncated.
+/// [`MergeError`] if the arena is full or a cluster cannot be built. Nodes written by then are fresh and can be truncated.
 ///
 /// # Panics
 ///
-/// If the source has no primitive of that number.
+/// If the source has no primitive with the number of a slot.
 pub fn build_clusters(
     arena: &mut Arena,
     slots: &[Slot],
     source: &impl PrimSource,
-    most: usize,
+    max_size: usize,
     options: &MergeOptions,
 ) -> Result<Vec<Placed>, MergeError> {
-    let clusters = clusters(slots, source, most);
+    let clusters = clusters(slots, source, max_size);
     let items: Vec<_> = clusters.iter().collect();
     let trees = kd_tasks::map(items, options.is_parallel, |cluster| {
         options.build(source, &cluster.slots, &cluster.bounds, MAX_DEPTH)
@@ -242,22 +249,23 @@ pub fn build_clusters(
     placed.collect()
 }
 
-/// Trees that are put together have been frozen.
+/// Fails if the root of a tree is not frozen.
 fn check_frozen(arena: &Arena, tree: NodeIndex) -> Result<(), TreeError> {
     let height = arena.height(tree);
     height.map(|_| ()).ok_or(TreeError::BadRoot { node: tree })
 }
 
-/// Levels of a tree below which it does not pay to merge what lies on either side on a thread of its own.
-const TASK_HEIGHT: usize = 6;
+/// The smallest number of levels of each subtree for which the two sides of a plane are merged on two threads.
+const MIN_TASK_HEIGHT: usize = 6;
 
+/// The recursion of [`bsp_merge`].
 struct BspMerger<'a, S> {
     source: &'a S,
     options: &'a MergeOptions,
 }
 
 impl<S: PrimSource> BspMerger<'_, S> {
-    /// `depth` is how many levels there may be.
+    /// Merges `a` and `b` in `cell` into a subtree of at most `depth` levels.
     fn merge(
         &self,
         draft: &mut Draft<'_>,
@@ -278,28 +286,35 @@ impl<S: PrimSource> BspMerger<'_, S> {
             return options.rebuild(draft, source, &slots, cell, depth);
         }
         match (draft.view(a), draft.view(b)) {
-            (_, View::Leaf(leaf)) => {
+            (_, SubtreeView::Leaf(leaf)) => {
                 let slots = Slots::from_slice(draft.refs_of(leaf));
                 inserting::insert(draft, source, options, a, &slots, cell, depth)
             }
-            (View::Leaf(leaf), _) => {
+            (SubtreeView::Leaf(leaf), _) => {
                 let slots = Slots::from_slice(draft.refs_of(leaf));
                 inserting::insert(draft, source, options, b, &slots, cell, depth)
             }
-            (View::Split { axis, split, parts }, _) => {
+            (
+                SubtreeView::Split {
+                    axis,
+                    split,
+                    children,
+                },
+                _,
+            ) => {
                 draft.counts.cut += 1;
                 let [below, above] = cut(draft, source, b, cell, axis, split);
                 let (lower, upper) = cell.split(axis, split);
-                let [a_below, a_above] = parts;
-                let is_large = |part| draft.height(part) >= TASK_HEIGHT;
+                let [a_below, a_above] = children;
+                let is_large = |subtree| draft.height(subtree) >= MIN_TASK_HEIGHT;
                 let is_parallel = options.is_parallel
                     && [a_below, a_above, below, above].into_iter().all(is_large);
-                let parts = draft.both(
+                let children = draft.both(
                     is_parallel,
                     |draft| self.merge(draft, a_below, below, &lower, depth - 1),
                     |draft| self.merge(draft, a_above, above, &upper, depth - 1),
                 )?;
-                Ok(draft.split(axis, split, parts))
+                Ok(draft.split(axis, split, children))
             }
         }
     }

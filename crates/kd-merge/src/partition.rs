@@ -1,17 +1,17 @@
 //! Cutting a tree in two at a plane: Eleftheriades 2010, §3.2 and algorithm 7.
 //!
-//! The listing never sets the plane of the nodes it makes, and leaves nodes over two empty leaves standing; here neither is
-//! so. And it destroys the tree: here what the plane does not pass through is linked.
+//! The listing never sets the plane of its new nodes, keeps nodes over two empty leaves, and destroys the tree. This
+//! implementation sets the planes, removes such nodes, and links subtrees that the plane does not cross.
 
 use kd_core::{Aabb, Axis, PrimSource, Slot};
 use smallvec::SmallVec;
 
-use crate::draft::{Draft, Leaf, Subtree, View};
+use crate::draft::{Draft, Leaf, Subtree, SubtreeView};
 
-/// References of a leaf, as they are sorted.
+/// References of a leaf, or of one side of a plane in a leaf.
 pub(crate) type Slots = SmallVec<[Slot; 32]>;
 
-/// Cuts what is below `subtree`, in `cell`, at a plane: what is below the plane, and what is above.
+/// Cuts `subtree`, whose cell is `cell`, at a plane into the subtree below the plane and the subtree above it.
 pub(crate) fn cut(
     draft: &mut Draft<'_>,
     source: &impl PrimSource,
@@ -21,8 +21,14 @@ pub(crate) fn cut(
     position: f32,
 ) -> [Subtree; 2] {
     let (across, split, [lower, upper]) = match draft.view(subtree) {
-        View::Leaf(leaf) => return cut_leaf(draft, source, subtree, leaf, cell, axis, position),
-        View::Split { axis, split, parts } => (axis, split, parts),
+        SubtreeView::Leaf(leaf) => {
+            return cut_leaf(draft, source, subtree, leaf, cell, axis, position);
+        }
+        SubtreeView::Split {
+            axis,
+            split,
+            children,
+        } => (axis, split, children),
     };
     let (lower_cell, upper_cell) = cell.split(across, split);
     if across != axis {
@@ -41,7 +47,7 @@ pub(crate) fn cut(
     }
 }
 
-/// A primitive that lies in the plane goes below it.
+/// Cuts a leaf. A primitive that lies in the plane goes below it.
 fn cut_leaf(
     draft: &mut Draft<'_>,
     source: &impl PrimSource,
@@ -53,17 +59,18 @@ fn cut_leaf(
 ) -> [Subtree; 2] {
     let slots = Slots::from_slice(draft.refs_of(leaf));
     let [below, above] = sides(&slots, source, cell, axis, position);
-    // What is as it was is linked, and not written again.
-    [below, above].map(|part| {
-        if part.len() == slots.len() {
+    // An unchanged leaf is linked instead of written again.
+    [below, above].map(|side| {
+        if side.len() == slots.len() {
             subtree
         } else {
-            draft.leaf(&part)
+            draft.leaf(&side)
         }
     })
 }
 
-/// The primitives, of those in a cell, that reach below a plane, and those that reach above it.
+/// Sorts primitives of a cell into those that reach below a plane and those that reach above it. A primitive may be in
+/// both.
 pub(crate) fn sides(
     slots: &[Slot],
     source: &impl PrimSource,
@@ -73,8 +80,8 @@ pub(crate) fn sides(
 ) -> [Slots; 2] {
     let [mut below, mut above] = [Slots::new(), Slots::new()];
     for slot in slots {
-        let part = part_in(source, *slot, cell);
-        let [min, max] = [part.min, part.max].map(|corner| corner[axis.index()]);
+        let bounds = bounds_in(source, *slot, cell);
+        let [min, max] = [bounds.min, bounds.max].map(|corner| corner[axis.index()]);
         if min < position || max <= position {
             below.push(*slot);
         }
@@ -85,8 +92,8 @@ pub(crate) fn sides(
     [below, above]
 }
 
-/// The box around the part of a primitive in a cell; around all of it where rounding leaves no part.
-pub(crate) fn part_in(source: &impl PrimSource, slot: Slot, cell: &Aabb) -> Aabb {
-    let part = source.clipped_bounds(&source.shape(slot.0), cell);
-    part.unwrap_or_else(|| source.bounds(slot.0))
+/// The box around a primitive clipped to a cell; around the whole primitive if rounding leaves nothing of it.
+pub(crate) fn bounds_in(source: &impl PrimSource, slot: Slot, cell: &Aabb) -> Aabb {
+    let clipped = source.clipped_bounds(&source.shape(slot.0), cell);
+    clipped.unwrap_or_else(|| source.bounds(slot.0))
 }

@@ -1,49 +1,49 @@
-//! Partition trees: the surface area heuristic over trees in place of primitives (Eleftheriades 2010, §3.4 and algorithm 9).
+//! Partition trees: the surface area heuristic over trees instead of primitives (Eleftheriades 2010, §3.4 and algorithm 9).
 //!
-//! Planes are looked for among the faces of the trees' boxes. One that cuts no tree is taken. Where there is none, every tree
-//! is *dissolved*: its root is taken away and its two children stand in its place, which gives twice the planes, once; then
-//! the best plane is taken whatever it cuts, by algorithm 7.
+//! Candidate planes are the faces of the trees' boxes. The cheapest plane that cuts no tree is taken. If every plane cuts a
+//! tree, each tree is *dissolved*: its two children replace it, which doubles the number of candidates, once. Then the
+//! cheapest plane is taken even if it cuts trees, which algorithm 7 does.
 //!
-//! What the listing leaves open: a box may have no face inside the volume, since trees may fill it, and then they are dissolved
-//! again; what a plane cuts is taken for evenly spread, and looked at by [`estimate`](crate::estimate) where the plane is among
-//! the best few; and where a path would become too long, the part is built anew.
+//! The listing leaves three cases open. If no box has a face inside the volume, since trees may fill it, the trees are
+//! dissolved again. References of a cut tree are assumed to be evenly distributed, and the best few planes are evaluated by
+//! [`estimate`](crate::estimate). Where a path would become too long, the subtree is built again.
 
 use kd_core::{Aabb, Axis, PrimSource};
 use kd_sah::BuildError;
 
 use crate::MergeOptions;
-use crate::draft::{Draft, Subtree, View};
+use crate::draft::{Draft, Subtree, SubtreeView};
 use crate::estimate::{Sides, estimate_below};
 use crate::partition::cut;
 
-/// How many nodes of a tree an estimate visits, of a plane that cuts it.
+/// The number of nodes of a cut tree that an estimate visits.
 const VISITS: usize = 8;
 
-/// A tree in its cell, outside of which none of its primitives count.
+/// A tree and its cell. Primitives outside of the cell do not count.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Item {
+pub(crate) struct TreeInCell {
     pub(crate) tree: Subtree,
     pub(crate) cell: Aabb,
 }
 
-/// What trees are partitioned with.
+/// The recursion of [`partition_trees`](crate::partition_trees()).
 pub(crate) struct TreePartition<'s, 'd, 'a, S> {
     pub(crate) draft: &'d mut Draft<'a>,
     pub(crate) source: &'s S,
     pub(crate) options: &'s MergeOptions,
 }
 
-/// Trees below which it does not pay to look at those on either side on a thread of their own.
-const TASK: usize = 8;
+/// The smallest number of trees on each side of a plane for which the two sides run on two threads.
+const MIN_TASK: usize = 8;
 
-/// How many of the planes that cut trees are looked at with estimates.
-const LOOKED_AT: usize = 4;
+/// The number of planes that cut trees whose cost is estimated more precisely.
+const ESTIMATED: usize = 4;
 
-/// A plane between, or through, trees.
+/// A candidate plane, between trees or through them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
-    /// References on either side, times half the area there. (What a step costs, and the volume's area, are the same for all
-    /// planes of a volume.)
+    /// The sum over both sides of the number of references times the half area. (The cost of a step and the area of the
+    /// volume are the same for all planes of a volume, so they are left out.)
     cost: f64,
     axis: Axis,
     position: f32,
@@ -62,16 +62,16 @@ impl Candidate {
     }
 }
 
-/// A tree along an axis.
+/// The extent of a tree's cell along an axis, and the number of its references.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     range: [f32; 2],
     weight: f64,
 }
 
-/// Tells for each end of a span inside the volume, from low to high, what lies where, and whether no span is cut there. What is
-/// cut is taken for evenly spread.
-fn sweep(spans: &[Span], [start, end]: [f32; 2], mut tell: impl FnMut(f32, Sides, bool)) {
+/// Visits each end of a span inside the volume, in ascending order. `visit` receives the position, the weights on both
+/// sides, and whether no span is cut there. The weight of a cut span is assumed to be evenly distributed over its extent.
+fn sweep(spans: &[Span], [start, end]: [f32; 2], mut visit: impl FnMut(f32, Sides, bool)) {
     let faces = spans.iter().flat_map(|span| span.range);
     let mut positions: Vec<f32> = faces.filter(|x| start < *x && *x < end).collect();
     positions.sort_by(f32::total_cmp);
@@ -83,7 +83,7 @@ fn sweep(spans: &[Span], [start, end]: [f32; 2], mut tell: impl FnMut(f32, Sides
     };
     let (begins, ends) = (sorted_by(0), sorted_by(1));
     let (mut begun, mut ended) = (begins.iter().peekable(), ends.iter().peekable());
-    let mut cut = Cut::default();
+    let mut cut = CrossedSpans::default();
     let mut left = 0.0;
     let total: f64 = spans.iter().map(|span| span.weight).sum();
     for position in positions {
@@ -101,20 +101,20 @@ fn sweep(spans: &[Span], [start, end]: [f32; 2], mut tell: impl FnMut(f32, Sides
             right: total - left - below,
             on: 0.0,
         };
-        tell(position, sides, cut.count == 0.0);
+        visit(position, sides, cut.count == 0.0);
     }
 }
 
-/// The spans that a plane cuts, and how the share of them that lies below it grows.
+/// The spans that the current plane of a sweep cuts. Their weight below a plane at `x` is `slope * x + at_zero`.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cut {
+struct CrossedSpans {
     count: f64,
     slope: f64,
     at_zero: f64,
 }
 
-impl Cut {
-    /// One that begins or ends. What has no extent is not cut.
+impl CrossedSpans {
+    /// Adds a span (`sign` 1) or removes it (`sign` -1). A span without extent is never cut.
     fn change(&mut self, span: &Span, sign: f64) {
         let [min, max] = span.range.map(f64::from);
         if min == max {
@@ -131,10 +131,10 @@ impl Cut {
 }
 
 impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
-    /// One tree of `items`, in `volume`, of no more than `depth` levels.
+    /// Merges `items` in `volume` into one subtree of at most `depth` levels.
     pub(crate) fn partition(
         &mut self,
-        mut items: Vec<Item>,
+        mut items: Vec<TreeInCell>,
         volume: &Aabb,
         comes_from_dissolve: bool,
         depth: usize,
@@ -153,7 +153,7 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
         }
         let Some(plane) = self.best_plane(&items, volume, comes_from_dissolve) else {
             if !self.dissolve(&mut items) {
-                return self.of_leaves(&items, volume, depth);
+                return self.leaf_of(&items, volume, depth);
             }
             return self.partition(items, volume, true, depth);
         };
@@ -167,7 +167,7 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
                 above.push(item);
             } else {
                 self.draft.counts.cut += 1;
-                let parts = cut(
+                let halves = cut(
                     self.draft,
                     self.source,
                     item.tree,
@@ -176,20 +176,20 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
                     position,
                 );
                 let (lower, upper) = item.cell.split(axis, position);
-                below.push(Item {
-                    tree: parts[0],
+                below.push(TreeInCell {
+                    tree: halves[0],
                     cell: lower,
                 });
-                above.push(Item {
-                    tree: parts[1],
+                above.push(TreeInCell {
+                    tree: halves[1],
                     cell: upper,
                 });
             }
         }
         let (lower, upper) = volume.split(axis, position);
         let (source, options) = (self.source, self.options);
-        let parts = self.draft.both(
-            options.is_parallel && below.len().min(above.len()) >= TASK,
+        let children = self.draft.both(
+            options.is_parallel && below.len().min(above.len()) >= MIN_TASK,
             |draft| {
                 let mut partition = TreePartition {
                     draft,
@@ -207,13 +207,13 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
                 partition.partition(above, &upper, false, depth - 1)
             },
         )?;
-        Ok(self.draft.split(axis, position, parts))
+        Ok(self.draft.split(axis, position, children))
     }
 
-    /// The plane of least cost among the faces of boxes inside the volume: of those that cut no tree, if there are any, or
-    /// else of all, if it may cut.
-    fn best_plane(&self, items: &[Item], volume: &Aabb, may_cut: bool) -> Option<Candidate> {
-        let weight = |item: &Item| f64::from(self.draft.references(item.tree));
+    /// The cheapest plane among the faces of boxes inside the volume. Planes that cut no tree take precedence; other planes
+    /// are considered only if `may_cut`.
+    fn best_plane(&self, items: &[TreeInCell], volume: &Aabb, may_cut: bool) -> Option<Candidate> {
+        let weight = |item: &TreeInCell| f64::from(self.draft.references(item.tree));
         let mut clean: Option<Candidate> = None;
         let mut cutting: Vec<Candidate> = Vec::new();
         for axis in Axis::ALL {
@@ -239,18 +239,18 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
         if clean.is_some() || cutting.is_empty() {
             return clean;
         }
-        // What is cut was taken for evenly spread. The best few are looked at again.
+        // These costs assume an even distribution of references. Estimate the best few more precisely.
         cutting.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let looked_at = cutting.iter().take(LOOKED_AT).map(|candidate| {
+        let estimated = cutting.iter().take(ESTIMATED).map(|candidate| {
             let Candidate { axis, position, .. } = *candidate;
             let sides = self.sides(items, axis, position);
             Candidate::new(volume, axis, position, &sides)
         });
-        looked_at.min_by(|a, b| a.cost.total_cmp(&b.cost))
+        estimated.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// What lies where, of all trees.
-    fn sides(&self, items: &[Item], axis: Axis, position: f32) -> Sides {
+    /// The estimated numbers of references of all trees on the sides of a plane.
+    fn sides(&self, items: &[TreeInCell], axis: Axis, position: f32) -> Sides {
         let mut sides = Sides::default();
         for item in items {
             let references = f64::from(self.draft.references(item.tree));
@@ -266,8 +266,8 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
         sides
     }
 
-    /// What lies where, of a tree that the plane cuts.
-    fn sides_of_cut(&self, item: &Item, axis: Axis, position: f32) -> Sides {
+    /// The same of one tree that the plane cuts.
+    fn sides_of_cut(&self, item: &TreeInCell, axis: Axis, position: f32) -> Sides {
         if let (Subtree::Linked(node), Some(census)) = (item.tree, self.draft.census()) {
             let arena = self.draft.arena();
             let cell = range(&item.cell, axis);
@@ -284,33 +284,37 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
         }
     }
 
-    /// Puts the children of each tree in its place; false if all are leaves.
-    fn dissolve(&mut self, items: &mut Vec<Item>) -> bool {
-        let mut children = Vec::with_capacity(2 * items.len());
+    /// Replaces each tree by its children. Returns false if all trees are leaves.
+    fn dissolve(&mut self, items: &mut Vec<TreeInCell>) -> bool {
+        let mut replaced = Vec::with_capacity(2 * items.len());
         let mut has_dissolved = false;
         for item in items.drain(..) {
             match self.draft.view(item.tree) {
-                View::Leaf(_) => children.push(item),
-                View::Split { axis, split, parts } => {
+                SubtreeView::Leaf(_) => replaced.push(item),
+                SubtreeView::Split {
+                    axis,
+                    split,
+                    children,
+                } => {
                     has_dissolved = true;
                     self.draft.counts.dissolved += 1;
                     let (lower, upper) = item.cell.split(axis, split);
-                    for (tree, cell) in parts.into_iter().zip([lower, upper]) {
+                    for (tree, cell) in children.into_iter().zip([lower, upper]) {
                         if !self.draft.is_empty(tree) {
-                            children.push(Item { tree, cell });
+                            replaced.push(TreeInCell { tree, cell });
                         }
                     }
                 }
             }
         }
-        *items = children;
+        *items = replaced;
         has_dissolved
     }
 
-    /// `MakeTreeFromLeafs`.
-    fn of_leaves(
+    /// A leaf, or a subtree if it would be too large, over all primitives of `items` (`MakeTreeFromLeafs` of the listing).
+    fn leaf_of(
         &mut self,
-        items: &[Item],
+        items: &[TreeInCell],
         volume: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
@@ -319,9 +323,10 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
             .leaf(self.draft, self.source, &slots, volume, depth)
     }
 
+    /// Builds the primitives of `items` again, into at most `depth` levels.
     fn rebuild(
         &mut self,
-        items: &[Item],
+        items: &[TreeInCell],
         volume: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
@@ -331,7 +336,7 @@ impl<S: PrimSource> TreePartition<'_, '_, '_, S> {
     }
 }
 
-/// Whether nothing can be cut off.
+/// Whether a cell fills the volume, so that no plane can cut off empty space.
 fn is_tight(cell: &Aabb, volume: &Aabb) -> bool {
     cell.min.cmple(volume.min).all() && cell.max.cmpge(volume.max).all()
 }
@@ -346,7 +351,7 @@ mod tests {
 
     use super::*;
 
-    /// The same, span by span.
+    /// The reference for one position of [`sweep`], span by span.
     fn counted(spans: &[Span], position: f32) -> (Sides, bool) {
         let mut sides = Sides::default();
         let mut is_clean = true;
@@ -368,7 +373,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_sweep_counts_as_one_by_one(
+        fn a_sweep_equals_counting_span_by_span(
             spans in prop::collection::vec((0_u8..9, 0_u8..5, 0_u8..4), 0..20),
         ) {
             let span = |(start, length, weight): &(u8, u8, u8)| Span {

@@ -1,14 +1,14 @@
-//! Leaves that have become too full are divided again.
+//! Dividing leaves that have too many references after a merge.
 
 use kd_core::{Aabb, Axis, NodeIndex, NodeView, PrimSource, Slot, Tree};
 use kd_sah::{BuildError, build};
 
 use crate::MergeOptions;
 use crate::draft::{Draft, Subtree};
-use crate::partition::part_in;
+use crate::partition::bounds_in;
 
 impl MergeOptions {
-    /// A leaf of `slots`, in `cell`, or what it is divided into, no deeper than `depth`.
+    /// A leaf of `slots` in `cell`, or a subtree of at most `depth` levels if the leaf would be too large.
     pub(crate) fn leaf(
         &self,
         draft: &mut Draft<'_>,
@@ -17,13 +17,13 @@ impl MergeOptions {
         cell: &Aabb,
         depth: usize,
     ) -> Result<Subtree, BuildError> {
-        if slots.len() <= self.most_in_leaf {
+        if slots.len() <= self.max_leaf_size {
             return Ok(draft.leaf(slots));
         }
         self.rebuild(draft, source, slots, cell, depth)
     }
 
-    /// What `slots`, in `cell`, are divided into, no deeper than `depth`, however few there are.
+    /// A subtree of at most `depth` levels over `slots` in `cell`, for any number of slots.
     pub(crate) fn rebuild(
         &self,
         draft: &mut Draft<'_>,
@@ -40,7 +40,7 @@ impl MergeOptions {
         Ok(copy(draft, &tree, tree.root(), slots))
     }
 
-    /// The tree of `slots`, in `cell`, no deeper than `depth`, whose primitives are numbered in their order.
+    /// Builds a tree of at most `depth` levels over `slots` in `cell`. Its references are indices into `slots`.
     pub(crate) fn build(
         &self,
         source: &impl PrimSource,
@@ -48,21 +48,21 @@ impl MergeOptions {
         cell: &Aabb,
         depth: usize,
     ) -> Result<Tree, BuildError> {
-        let parts = slots.iter().map(|slot| part_in(source, *slot, cell));
-        let some = Chosen {
+        let boxes = slots.iter().map(|slot| bounds_in(source, *slot, cell));
+        let subset = ClippedSubset {
             source,
             slots,
-            parts: parts.collect(),
+            boxes: boxes.collect(),
         };
-        let usual = self.builder.depth_limit(slots.len());
-        let depth = u32::try_from(depth).map_or(usual, |depth| depth.min(usual));
-        build(&some, &self.builder.clone().with_max_depth(depth))
+        let limit = self.builder.depth_limit(slots.len());
+        let depth = u32::try_from(depth).map_or(limit, |depth| depth.min(limit));
+        build(&subset, &self.builder.clone().with_max_depth(depth))
     }
 }
 
-/// Copies a subtree over some primitives, numbered in their order.
-fn copy(draft: &mut Draft<'_>, tree: &Tree, place: NodeIndex, slots: &[Slot]) -> Subtree {
-    let node = tree.nodes()[place.index()];
+/// Copies a subtree of `tree` into the draft. References of `tree` are indices into `slots`.
+fn copy(draft: &mut Draft<'_>, tree: &Tree, index: NodeIndex, slots: &[Slot]) -> Subtree {
+    let node = tree.nodes()[index.index()];
     match node.view() {
         NodeView::Leaf { .. } => {
             let refs = tree.leaf_refs(node).iter();
@@ -70,28 +70,28 @@ fn copy(draft: &mut Draft<'_>, tree: &Tree, place: NodeIndex, slots: &[Slot]) ->
             draft.leaf(&refs)
         }
         NodeView::Interior { axis, split, first } => {
-            let parts = [first, first.sibling()].map(|child| copy(draft, tree, child, slots));
-            draft.split(axis, split, parts)
+            let children = [first, first.sibling()].map(|child| copy(draft, tree, child, slots));
+            draft.split(axis, split, children)
         }
     }
 }
 
-/// Some of the primitives of a source, as they lie in a cell.
-struct Chosen<'a, S> {
+/// Some primitives of a source, with their boxes clipped to a cell.
+struct ClippedSubset<'a, S> {
     source: &'a S,
     slots: &'a [Slot],
-    parts: Vec<Aabb>,
+    boxes: Vec<Aabb>,
 }
 
-impl<S: PrimSource> PrimSource for Chosen<'_, S> {
+impl<S: PrimSource> PrimSource for ClippedSubset<'_, S> {
     type Shape = S::Shape;
 
     fn count(&self) -> u32 {
-        u32::try_from(self.slots.len()).expect("no more than there are slots")
+        u32::try_from(self.slots.len()).expect("fewer than 2^32 slots")
     }
 
     fn bounds(&self, primitive: u32) -> Aabb {
-        self.parts[primitive as usize]
+        self.boxes[primitive as usize]
     }
 
     fn shape(&self, primitive: u32) -> S::Shape {

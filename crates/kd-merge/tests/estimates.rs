@@ -1,12 +1,12 @@
-//! Estimates against counting every reference.
+//! Estimates compared with counts of all references.
 
 use kd_core::{Axis, Mesh, Tree};
 use kd_merge::{Census, Sides, estimate};
 use kd_sah::{BuildOptions, build};
 use kd_scene::Spd;
 
-/// What lies where, by the boxes of all references. (Which side of a plane a reference is on may be told by its leaf's cell:
-/// then its primitive is cut, and this says so.)
+/// Counts references by side, from the boxes of their primitives. (The estimate may count a reference on the side of its
+/// leaf's cell although the plane cuts its primitive; this count does not.)
 fn count(tree: &Tree, mesh: &Mesh, axis: Axis, position: f32) -> Sides {
     let mut sides = Sides::default();
     for slot in tree.refs() {
@@ -25,7 +25,7 @@ fn count(tree: &Tree, mesh: &Mesh, axis: Axis, position: f32) -> Sides {
     sides
 }
 
-/// The largest difference, as a share of all references.
+/// The largest difference, as a fraction of all references.
 fn error(found: &Sides, exact: &Sides) -> f64 {
     let differences = [
         found.left - exact.left,
@@ -36,7 +36,7 @@ fn error(found: &Sides, exact: &Sides) -> f64 {
     largest / exact.total().max(1.0)
 }
 
-/// The errors over planes across all axes, in order.
+/// The errors of 20 planes for each axis, sorted.
 fn errors(mesh: &Mesh, visits: usize) -> Vec<f64> {
     let tree = build(mesh, &BuildOptions::balanced()).expect("valid");
     let mut census = Census::new();
@@ -44,14 +44,14 @@ fn errors(mesh: &Mesh, visits: usize) -> Vec<f64> {
     let bounds = mesh.bounds();
     let mut errors = Vec::new();
     for axis in Axis::ALL {
-        // Beside planes of symmetry, in which whole triangles lie: these are on the side where the tree has them.
+        // Positions avoid planes of symmetry that contain triangles: the tree chose a side for these.
         for share in 0_u8..20 {
             let size = bounds.extent()[axis.index()];
             let position = bounds.min[axis.index()] + (f32::from(share) + 0.37) / 20.0 * size;
             let found = estimate(&tree, &census, mesh, axis, position, visits);
             assert!(
                 (found.total() - tree.refs().len() as f64).abs() < 1e-3 * found.total(),
-                "{found:?}: all are somewhere"
+                "{found:?}: the sides add up to all references"
             );
             errors.push(error(&found, &count(&tree, mesh, axis, position)));
         }
@@ -60,7 +60,7 @@ fn errors(mesh: &Mesh, visits: usize) -> Vec<f64> {
     errors
 }
 
-/// What the documentation of `estimate` says: of all references, the median and the largest error.
+/// The table in the documentation of `estimate`: median and largest error as fractions of all references.
 #[test]
 fn errors_are_as_documented() {
     for (name, spd, size) in [
@@ -87,7 +87,7 @@ fn errors_are_as_documented() {
 }
 
 #[test]
-fn a_plane_outside_has_all_on_one_side() {
+fn a_plane_outside_the_bounds_has_all_references_on_one_side() {
     let mesh = Spd::Tetra.generate(3).expect("small").mesh;
     let tree = build(&mesh, &BuildOptions::balanced()).expect("valid");
     let mut census = Census::new();

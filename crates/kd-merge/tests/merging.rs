@@ -1,4 +1,4 @@
-//! Merged trees against both meshes: every reference is where it should be, and every ray is answered as by brute force.
+//! Merged trees compared with both meshes: the tree covers them, and rays get the answers of brute force.
 
 use glam::Vec3;
 use kd_core::{Aabb, Arena, Axis, CostModel, Mesh, Node, NodeIndex, Pair, Slot, Tree};
@@ -11,7 +11,7 @@ use kd_scene::Spd;
 use kd_trace::brute_force;
 use proptest::prelude::*;
 
-/// Two meshes, their trees in one arena, and both meshes as one, numbered as the arena's slots are.
+/// Two meshes, their trees in one arena, and one mesh of both whose triangle numbers are the slots of the arena.
 struct Two {
     arena: Arena,
     trees: [NodeIndex; 2],
@@ -26,9 +26,9 @@ impl Two {
         let mut arena = Arena::new();
         let mut trees = [NodeIndex(0); 2];
         let mut slots = 0;
-        for (place, mesh) in trees.iter_mut().zip([&still, &moving]) {
+        for (root, mesh) in trees.iter_mut().zip([&still, &moving]) {
             let tree = build(mesh, &BuildOptions::best().with_threads(1)).expect("valid");
-            *place = arena.append_tree(&tree, slots).expect("small");
+            *root = arena.append_tree(&tree, slots).expect("small");
             slots += count(mesh);
             arena.freeze(slots).expect("valid");
         }
@@ -36,10 +36,15 @@ impl Two {
         census.extend(&arena.nodes()[..trees[1].index()]);
         census.extend(arena.nodes());
         let first = u32::try_from(still.positions().len()).expect("small");
-        let moved_on = moving.triangles().iter().map(|t| t.map(|i| i + first));
+        let renumbered = moving.triangles().iter().map(|t| t.map(|i| i + first));
         let both = Mesh::new(
             [still.positions(), moving.positions()].concat(),
-            still.triangles().iter().copied().chain(moved_on).collect(),
+            still
+                .triangles()
+                .iter()
+                .copied()
+                .chain(renumbered)
+                .collect(),
         );
         Self {
             arena,
@@ -58,7 +63,7 @@ impl Two {
         })
     }
 
-    /// Makes clusters of some triangles, and merges their trees with others.
+    /// Builds clusters of `slots` and merges their trees with `trees`.
     fn merge_clusters(
         &self,
         arena: &mut Arena,
@@ -73,7 +78,7 @@ impl Two {
         partition_trees(arena, &census, &trees, &self.both, options)
     }
 
-    /// Numbers of the triangles that move.
+    /// The slots of the moving mesh.
     fn moving(&self) -> Vec<Slot> {
         let first = self.meshes[0].len();
         let numbers = first..first + self.meshes[1].len();
@@ -82,11 +87,11 @@ impl Two {
             .collect()
     }
 
-    /// Merges, and checks what comes out.
+    /// Merges by `merge`, and checks that the tree covers both meshes and that the source trees are unchanged.
     #[track_caller]
     fn check(
         &self,
-        what: &str,
+        name: &str,
         merge: impl Fn(&mut Arena, &Self) -> Result<Merged, MergeError>,
     ) -> (Merged, Tree) {
         let mut arena = self.arena.clone();
@@ -97,25 +102,26 @@ impl Two {
         assert_eq!(
             (&arena.nodes()[..before.0], &arena.refs()[..before.1]),
             (self.arena.nodes(), self.arena.refs()),
-            "{what}: what was there is as it was"
+            "{name}: frozen nodes and references are unchanged"
         );
         let tree = Tree::from_arena(arena, merged.root, self.both.bounds(), CostModel::PACKED);
         let tree = tree.expect("valid");
         tree.check_coverage(&self.both)
-            .unwrap_or_else(|missing| panic!("{what}: {missing}"));
+            .unwrap_or_else(|missing| panic!("{name}: {missing}"));
         (merged, tree)
     }
 
-    /// Rays from around, aimed at either mesh.
+    /// Compares `count` rays, aimed at both meshes in turn, with brute force.
     #[track_caller]
-    fn trace(&self, what: &str, tree: &Tree, count: usize) {
+    fn trace(&self, name: &str, tree: &Tree, count: usize) {
         let mut rng = fastrand::Rng::with_seed(7);
         let bounds = self.both.bounds();
         let mut point = |within: &Aabb, size: f32| {
             let one = Vec3::new(rng.f32(), rng.f32(), rng.f32());
             within.center() + size * (one - 0.5) * within.extent()
         };
-        let (mut hits, mut ours, mut all, mut expected) = (0, 0, Vec::new(), Vec::new());
+        let (mut hits, mut moving_hits) = (0, 0);
+        let (mut all, mut expected) = (Vec::new(), Vec::new());
         for i in 0..count {
             let target = point(&self.meshes[i % 2].bounds(), 1.0);
             let origin = point(&bounds, 2.0);
@@ -124,23 +130,23 @@ impl Two {
             assert_eq!(
                 kd_trace::intersect(tree, &self.both, &ray),
                 hit,
-                "{what}: {ray:?}"
+                "{name}: {ray:?}"
             );
             assert_eq!(
                 kd_trace::occluded(tree, &self.both, &ray),
                 hit.is_some(),
-                "{what}: {ray:?}"
+                "{name}: {ray:?}"
             );
             kd_trace::hits(tree, &self.both, &ray, 5, &mut all);
             brute_force::hits(&self.both, &ray, 5, &mut expected);
-            assert_eq!(all, expected, "{what}: {ray:?}");
+            assert_eq!(all, expected, "{name}: {ray:?}");
             hits += usize::from(hit.is_some());
-            ours +=
+            moving_hits +=
                 usize::from(hit.is_some_and(|hit| hit.triangle as usize >= self.meshes[0].len()));
         }
         assert!(
-            hits > count / 5 && ours > 0,
-            "{what}: {hits} hits, {ours} of what moves"
+            hits > count / 5 && moving_hits > 0,
+            "{name}: {hits} hits, {moving_hits} of the moving mesh"
         );
     }
 }
@@ -149,7 +155,7 @@ fn scene(spd: Spd, size: u32) -> Mesh {
     spd.generate(size).expect("small").mesh
 }
 
-/// A mesh in a box of another size at another place.
+/// A mesh scaled to a box of size `size` around `center`.
 fn placed(mesh: &Mesh, center: Vec3, size: f32) -> Mesh {
     let bounds = mesh.bounds();
     let scale = size / bounds.extent().max_element();
@@ -158,7 +164,7 @@ fn placed(mesh: &Mesh, center: Vec3, size: f32) -> Mesh {
     Mesh::new(positions, mesh.triangles().to_vec()).expect("valid")
 }
 
-/// From far apart to all inside, in a room of gears.
+/// Balls and gears, from far apart to one inside the other.
 fn overlaps() -> Vec<(&'static str, Two)> {
     let still = placed(&scene(Spd::Gears, 1), Vec3::ZERO, 2.0);
     let moving = scene(Spd::Balls, 1);
@@ -169,11 +175,11 @@ fn overlaps() -> Vec<(&'static str, Two)> {
         ("inside", Vec3::new(0.1, 0.2, -0.1), 0.4),
         ("around", Vec3::ZERO, 6.0),
     ]
-    .map(|(what, center, size)| (what, Two::new(still.clone(), placed(&moving, center, size))))
+    .map(|(name, center, size)| (name, Two::new(still.clone(), placed(&moving, center, size))))
     .into()
 }
 
-fn ways_to_merge() -> [MergeOptions; 3] {
+fn all_options() -> [MergeOptions; 3] {
     [
         MergeOptions::never_resplitting(),
         MergeOptions::default(),
@@ -182,51 +188,51 @@ fn ways_to_merge() -> [MergeOptions; 3] {
 }
 
 #[test]
-fn trees_merge_at_every_overlap() {
-    for (what, two) in overlaps() {
-        for options in ways_to_merge() {
-            let (merged, tree) = two.check(what, |arena, two| {
+fn bsp_merge_covers_both_meshes() {
+    for (name, two) in overlaps() {
+        for options in all_options() {
+            let (merged, tree) = two.check(name, |arena, two| {
                 bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &options)
             });
-            two.trace(what, &tree, 150);
-            assert!(merged.links > 0, "{what}: {merged:?}");
+            two.trace(name, &tree, 150);
+            assert!(merged.links > 0, "{name}: {merged:?}");
         }
     }
 }
 
 #[test]
-fn primitives_are_inserted_at_every_overlap() {
-    for (what, two) in overlaps() {
+fn insertion_covers_both_meshes() {
+    for (name, two) in overlaps() {
         let moving = two.moving();
-        for options in ways_to_merge() {
-            let (merged, tree) = two.check(what, |arena, two| {
+        for options in all_options() {
+            let (merged, tree) = two.check(name, |arena, two| {
                 let bounds = two.both.bounds();
                 insert(arena, two.trees[0], &moving, &two.both, bounds, &options)
             });
-            two.trace(what, &tree, 150);
-            assert!(merged.links > 0, "{what}: {merged:?}");
+            two.trace(name, &tree, 150);
+            assert!(merged.links > 0, "{name}: {merged:?}");
         }
     }
 }
 
 #[test]
-fn trees_are_partitioned_at_every_overlap() {
-    for (what, two) in overlaps() {
-        for options in ways_to_merge() {
-            let (merged, tree) = two.check(what, |arena, two| {
+fn partition_trees_cover_both_meshes() {
+    for (name, two) in overlaps() {
+        for options in all_options() {
+            let (merged, tree) = two.check(name, |arena, two| {
                 partition_trees(arena, &two.census, &two.placed(), &two.both, &options)
             });
-            two.trace(what, &tree, 150);
-            let is_apart = what == "far apart" || what == "side by side";
-            assert!(merged.links > 0, "{what}: {merged:?}");
-            assert_eq!(merged.dissolved == 0, is_apart, "{what}: {merged:?}");
-            assert!(!is_apart || merged.new_nodes < 20, "{what}: {merged:?}");
+            two.trace(name, &tree, 150);
+            let is_apart = name == "far apart" || name == "side by side";
+            assert!(merged.links > 0, "{name}: {merged:?}");
+            assert_eq!(merged.dissolved == 0, is_apart, "{name}: {merged:?}");
+            assert!(!is_apart || merged.new_nodes < 20, "{name}: {merged:?}");
         }
     }
 }
 
 #[test]
-fn any_number_of_trees_is_partitioned() {
+fn partition_trees_accepts_any_number_of_trees() {
     let (_, two) = overlaps().remove(2);
     let [one, _] = two.placed();
     let mut arena = two.arena.clone();
@@ -237,8 +243,8 @@ fn any_number_of_trees_is_partitioned() {
     let none = partition(&[]);
     assert_eq!((none.new_nodes, none.links), (0, 0), "an empty leaf");
     let alone = partition(&[one]);
-    assert_eq!((alone.new_nodes, alone.links), (0, 1), "it is linked");
-    // The same tree twice: every primitive counts once.
+    assert_eq!((alone.new_nodes, alone.links), (0, 1), "a link to the tree");
+    // The same tree twice: each primitive counts once.
     let twice = partition(&[one, one]);
     let slots = u32::try_from(two.both.len()).expect("small");
     arena.freeze(slots).expect("valid");
@@ -249,30 +255,30 @@ fn any_number_of_trees_is_partitioned() {
 }
 
 #[test]
-fn clusters_are_merged_at_every_overlap() {
-    for (what, two) in overlaps() {
+fn clusters_cover_both_meshes() {
+    for (name, two) in overlaps() {
         let moving = two.moving();
-        for options in ways_to_merge() {
-            // What moves in clusters, with the tree of what stands still.
-            let (_, tree) = two.check(what, |arena, two| {
+        for options in all_options() {
+            // Clusters of the moving mesh, merged with the static tree.
+            let (_, tree) = two.check(name, |arena, two| {
                 two.merge_clusters(arena, &moving, vec![two.placed()[0]], &options)
             });
-            two.trace(what, &tree, 150);
+            two.trace(name, &tree, 150);
         }
-        // Everything in clusters.
+        // Clusters of both meshes.
         let slots: Vec<Slot> = (0..).map(Slot).take(two.both.len()).collect();
-        let (merged, tree) = two.check(what, |arena, two| {
+        let (merged, tree) = two.check(name, |arena, two| {
             two.merge_clusters(arena, &slots, Vec::new(), &MergeOptions::default())
         });
-        two.trace(what, &tree, 150);
-        // Where every cluster is mixed with others, there is nothing left to share.
-        assert!(merged.links > 0 || what == "around", "{what}: {merged:?}");
+        two.trace(name, &tree, 150);
+        // If every cluster overlaps others, no subtree is shared.
+        assert!(merged.links > 0 || name == "around", "{name}: {merged:?}");
     }
 }
 
-/// Numbers of nodes and references too, whichever thread made them.
+/// The trees are equal bit for bit, including the order of nodes and references.
 #[test]
-fn threads_change_nothing() {
+fn results_do_not_depend_on_threads() {
     let still = placed(&scene(Spd::Gears, 2), Vec3::ZERO, 2.0);
     let moving = placed(&scene(Spd::Balls, 2), Vec3::new(0.3, 0.1, 0.2), 1.5);
     let two = Two::new(still, moving);
@@ -293,24 +299,27 @@ fn threads_change_nothing() {
             two.merge_clusters(arena, &moving, vec![two.placed()[0]], options)
         }),
     ];
-    for (what, merge) in methods {
+    for (name, merge) in methods {
         let merged = |is_parallel| {
             let mut arena = two.arena.clone();
             let options = MergeOptions::default().with_parallel(is_parallel);
             let merged = merge(&mut arena, &options).expect("merged");
             (merged, arena.nodes().to_vec(), arena.refs().to_vec())
         };
-        let (alone, together) = (merged(false), merged(true));
-        assert!(alone.0.new_nodes > 1000, "{what}: enough to do for several");
-        assert!(alone == together, "{what}: bit for bit");
+        let (sequential, parallel) = (merged(false), merged(true));
+        assert!(
+            sequential.0.new_nodes > 1000,
+            "{name}: enough nodes for several threads"
+        );
+        assert!(sequential == parallel, "{name}: equal bit for bit");
     }
 }
 
 #[test]
-fn leaves_that_are_divided_again_are_not_full() {
+fn dividing_leaves_again_makes_them_smaller() {
     let (_, two) = overlaps().remove(3);
     let moving = two.moving();
-    let fullest = |options: MergeOptions| {
+    let largest_leaf = |options: MergeOptions| {
         let (_, tree) = two.check("inside", |arena, two| {
             insert(
                 arena,
@@ -322,21 +331,24 @@ fn leaves_that_are_divided_again_are_not_full() {
             )
         });
         let leaves = tree.nodes().iter().filter(|node| node.is_leaf());
-        leaves.map(|leaf| leaf.count()).max().expect("some")
+        leaves.map(|leaf| leaf.count()).max().expect("some leaves")
     };
-    let (as_they_come, divided) = (
-        fullest(MergeOptions::never_resplitting()),
-        fullest(MergeOptions::default()),
+    let (undivided, divided) = (
+        largest_leaf(MergeOptions::never_resplitting()),
+        largest_leaf(MergeOptions::default()),
     );
-    assert!(divided < as_they_come / 2, "{divided} of {as_they_come}");
+    assert!(
+        divided < undivided / 2,
+        "largest leaf {divided}, without division {undivided}"
+    );
 }
 
-/// Merging costs nodes where trees meet, and none elsewhere: the same object far outside is linked.
+/// Merging writes nodes only where trees overlap: an object far outside is linked.
 #[test]
-fn what_is_apart_is_shared() {
-    let new_nodes = |(what, two): (&str, Two)| {
+fn separate_trees_are_shared() {
+    let new_nodes = |(name, two): (&str, Two)| {
         let options = MergeOptions::default();
-        let (merged, _) = two.check(what, |arena, two| {
+        let (merged, _) = two.check(name, |arena, two| {
             bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &options)
         });
         (merged.new_nodes, two.arena.nodes().len())
@@ -346,7 +358,7 @@ fn what_is_apart_is_shared() {
 }
 
 #[test]
-fn ten_thousand_commits_are_as_large_as_ten() {
+fn ten_thousand_merges_do_not_grow_the_arena() {
     let still = scene(Spd::Tetra, 2);
     let center = still.bounds().center();
     let two = Two::new(still, placed(&scene(Spd::Tetra, 1), center, 0.3));
@@ -368,10 +380,10 @@ fn ten_thousand_commits_are_as_large_as_ten() {
         arena.freeze(slots).expect("valid");
         bytes.push(arena.bytes());
     }
-    assert!(bytes[0] > two.arena.bytes(), "something was written");
+    assert!(bytes[0] > two.arena.bytes(), "merging writes nodes");
     assert!(
         bytes.iter().all(|size| *size == bytes[0]),
-        "as large as after one"
+        "the size is that after the first merge"
     );
 }
 
@@ -379,12 +391,12 @@ fn ten_thousand_commits_are_as_large_as_ten() {
 fn either_tree_may_be_empty() {
     let nothing = || Mesh::new(Vec::new(), Vec::new()).expect("valid");
     let something = || scene(Spd::Tetra, 2);
-    for (what, two) in [
-        ("nothing moves", Two::new(something(), nothing())),
-        ("nothing stands", Two::new(nothing(), something())),
-        ("nothing at all", Two::new(nothing(), nothing())),
+    for (name, two) in [
+        ("no moving mesh", Two::new(something(), nothing())),
+        ("no static mesh", Two::new(nothing(), something())),
+        ("no mesh", Two::new(nothing(), nothing())),
     ] {
-        let (merged, _) = two.check(what, |arena, two| {
+        let (merged, _) = two.check(name, |arena, two| {
             bsp_merge(
                 arena,
                 two.trees,
@@ -396,13 +408,13 @@ fn either_tree_may_be_empty() {
         assert_eq!(
             (merged.new_nodes, merged.links),
             (0, 1),
-            "{what}: one is linked"
+            "{name}: a link to one tree"
         );
     }
 }
 
 #[test]
-fn trees_that_are_not_frozen_are_refused() {
+fn fresh_trees_are_refused() {
     let (_, two) = overlaps().remove(0);
     let mut arena = two.arena.clone();
     let root = Pair([Node::EMPTY_LEAF; 2]);
@@ -415,38 +427,38 @@ fn trees_that_are_not_frozen_are_refused() {
         two.both.bounds(),
         &MergeOptions::never_resplitting(),
     );
-    let error = refused.expect_err("it is fresh").to_string();
+    let error = refused.expect_err("the tree is fresh").to_string();
     assert!(error.contains("is not a frozen node"), "{error}");
 }
 
-/// Both parts, side by side again, are a tree over the same mesh.
+/// Partitions the tree of a mesh at a plane, joins both halves under one node, and checks that this tree covers the mesh.
 #[track_caller]
-fn check_partition(what: &str, mesh: &Mesh, axis: Axis, position: f32) -> [Merged; 2] {
+fn check_partition(name: &str, mesh: &Mesh, axis: Axis, position: f32) -> [Merged; 2] {
     let tree = build(mesh, &BuildOptions::best().with_threads(1)).expect("valid");
     let slots = u32::try_from(mesh.len()).expect("small");
     let mut arena = Arena::new();
     let root = arena.append_tree(&tree, 0).expect("small");
     arena.freeze(slots).expect("valid");
-    let parts = partition(&mut arena, root, mesh, mesh.bounds(), axis, position).expect("cut");
+    let halves = partition(&mut arena, root, mesh, mesh.bounds(), axis, position).expect("cut");
     arena.freeze(slots).expect("valid");
-    let [below, above] = parts.map(|part| arena.nodes()[part.root.index()]);
-    let place = arena.push(Pair([Node::EMPTY_LEAF; 2])).expect("small");
+    let [below, above] = halves.map(|half| arena.nodes()[half.root.index()]);
+    let joined = arena.push(Pair([Node::EMPTY_LEAF; 2])).expect("small");
     let children = arena.push(Pair([below, above])).expect("small");
     arena.set(
-        place,
+        joined,
         Node::interior(axis, position, children).expect("small"),
     );
     arena.freeze(slots).expect("valid");
-    let joined = Tree::from_arena(arena, place, mesh.bounds(), CostModel::PACKED).expect("valid");
+    let joined = Tree::from_arena(arena, joined, mesh.bounds(), CostModel::PACKED).expect("valid");
     joined
         .check_coverage(mesh)
-        .unwrap_or_else(|missing| panic!("{what}, {axis:?} {position}: {missing}"));
-    parts
+        .unwrap_or_else(|missing| panic!("{name}, {axis:?} {position}: {missing}"));
+    halves
 }
 
 #[test]
-fn trees_are_cut_at_planes() {
-    for (what, mesh) in [
+fn both_halves_of_a_partition_cover_the_mesh() {
+    for (name, mesh) in [
         ("gears", scene(Spd::Gears, 1)),
         ("tetra", scene(Spd::Tetra, 3)),
     ] {
@@ -454,22 +466,22 @@ fn trees_are_cut_at_planes() {
         let root = build(&mesh, &BuildOptions::best()).expect("valid");
         let root = root.nodes()[root.root().index()];
         let own = (Axis::ALL[root.tag()], root.split());
-        let parts = check_partition(what, &mesh, own.0, own.1);
-        let written: usize = parts.iter().map(|part| part.new_nodes).sum();
+        let halves = check_partition(name, &mesh, own.0, own.1);
+        let written: usize = halves.iter().map(|half| half.new_nodes).sum();
         assert_eq!(
             written, 0,
-            "{what}: at the root's plane both sides are there"
+            "{name}: at the root's plane both halves are links to its children"
         );
         for axis in Axis::ALL {
             let (min, size) = (bounds.min[axis.index()], bounds.extent()[axis.index()]);
             for share in [-0.1, 0.0, 0.123, 0.5, 0.71, 1.0, 1.1] {
-                check_partition(what, &mesh, axis, min + share * size);
+                check_partition(name, &mesh, axis, min + share * size);
             }
         }
     }
 }
 
-/// Triangles on a lattice, so that they lie in each other's planes, or anywhere.
+/// Random triangles. Coordinates are on a lattice, so that triangles are coplanar, or arbitrary.
 fn soup() -> impl Strategy<Value = Mesh> {
     let coordinate = prop_oneof![(0_u8..5).prop_map(|i| f32::from(i) * 0.25), 0.0_f32..1.0,];
     let corner = [coordinate.clone(), coordinate.clone(), coordinate];
@@ -485,7 +497,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn any_two_soups_merge(
+    fn random_triangles_merge(
         still in soup(),
         moving in soup(),
         (x, size) in (-1.5_f32..1.5, prop::sample::select(vec![0.0_f32, 0.1, 1.0, 3.0])),
@@ -493,7 +505,7 @@ proptest! {
         let moving = placed(&moving, Vec3::new(x + 0.5, 0.5, 0.4), size);
         let two = Two::new(still, moving);
         let slots = two.moving();
-        for options in ways_to_merge() {
+        for options in all_options() {
             two.check("a soup", |arena, two| {
                 bsp_merge(arena, two.trees, &two.both, two.both.bounds(), &options)
             });
@@ -510,7 +522,7 @@ proptest! {
     }
 
     #[test]
-    fn any_soup_is_cut(mesh in soup(), axis in 0_usize..3, position in prop_oneof![
+    fn random_triangles_are_partitioned(mesh in soup(), axis in 0_usize..3, position in prop_oneof![
         (0_u8..5).prop_map(|i| f32::from(i) * 0.25),
         -0.1_f32..1.1,
     ]) {

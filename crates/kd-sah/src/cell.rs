@@ -1,28 +1,28 @@
-//! A cell of the tree being built, and on which side of a plane its primitives lie.
+//! A cell of the tree under construction, and the sides of its primitives with respect to a plane.
 
 use kd_core::Aabb;
 
 use crate::plane::{Plane, Side};
 use crate::prim::Prim;
 
-/// Where a cell is.
+/// The geometry of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
     pub(crate) bounds: Aabb,
-    /// The box around all its primitives; empty if there are none.
+    /// The box around its primitives, clipped to the cell; empty if it has none.
     pub(crate) tight: Aabb,
-    /// Interior nodes above it.
+    /// The number of interior nodes above it.
     pub(crate) depth: u32,
 }
 
-/// What a chooser is asked about: a place, and the primitives there in ascending order of slots.
+/// The input of a chooser: a cell and its primitives in ascending order of slots.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cell<'a> {
     pub(crate) place: &'a Place,
     pub(crate) prims: &'a [Prim],
 }
 
-/// Which side of a plane a primitive lies on.
+/// The side of a plane on which a primitive is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lies {
     Below,
@@ -31,7 +31,7 @@ pub(crate) enum Lies {
 }
 
 impl Lies {
-    /// Sides follow from comparing boxes with the plane, exactly as planes are counted.
+    /// Compares the primitive's box with the plane, by the same rule as the counts of candidate planes.
     pub(crate) fn of(prim: &Prim, plane: &Plane) -> Self {
         let (start, end) = (prim.start(plane.axis), prim.end(plane.axis));
         match (start < plane.position, end > plane.position) {
@@ -46,7 +46,7 @@ impl Lies {
     }
 }
 
-/// How many primitives go to the lower and to the upper part.
+/// The numbers of primitives that go to the lower and to the upper child.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counted {
     pub(crate) lower: usize,
@@ -54,7 +54,7 @@ pub(crate) struct Counted {
 }
 
 impl Counted {
-    /// Before clipping, which may find that a part of a primitive is none.
+    /// Counts before clipping. Clipping may remove a primitive from one child.
     pub(crate) fn of(prims: &[Prim], plane: &Plane) -> Self {
         let planar_lower = plane.planar_side == Side::Lower;
         let mut counted = Self::default();
@@ -69,7 +69,7 @@ impl Counted {
         counted
     }
 
-    /// Of one part.
+    /// The number of one child.
     pub(crate) fn at(self, side: Side) -> usize {
         match side {
             Side::Lower => self.lower,

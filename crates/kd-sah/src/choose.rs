@@ -1,4 +1,4 @@
-//! The seam between the driver and the ways to choose a plane: one file each.
+//! The interface between the driver and the methods that choose planes. Each method has one file.
 
 mod binned;
 mod exact;
@@ -23,22 +23,23 @@ use crate::cell::Cell;
 use crate::options::{BuildOptions, Method};
 use crate::plane::{CellCost, Plane};
 
-/// A way to choose planes. The driver does everything else: when to stop, dividing cells, making nodes, tasks.
+/// A method that chooses planes. The driver does everything else: it stops the recursion, divides cells, writes nodes and
+/// starts tasks.
 pub(crate) trait ChoosePlane: Sync {
-    /// Whether the planes carry a cost that the driver may stop by.
+    /// Whether planes have a cost, by which the driver may stop.
     const BY_COST: bool = true;
 
-    /// What the chooser keeps for a cell, beside the cell itself.
+    /// Data that the chooser keeps for a cell, in addition to the cell itself.
     type Kept: Send;
 
-    /// Whether [`divide`](Self::divide) looks at the primitives of the divided cell; they are not kept otherwise.
-    const LOOKS_BACK: bool = false;
+    /// Whether [`divide`](Self::divide) needs the primitives of the divided cell; the driver copies them only then.
+    const NEEDS_PARENT: bool = false;
 
-    /// What to keep for the root.
+    /// The data to keep for the root.
     fn begin(&self, root: Cell<'_>) -> Self::Kept;
 
-    /// The plane for a cell of at least one primitive; `None` if nothing divides it. `cost` is that of planes in this
-    /// cell. Several threads may be used if `parallel`; the plane must not depend on it.
+    /// The plane for a cell of at least one primitive; `None` if no plane divides it. `cost` is the cost of planes in this
+    /// cell. If `parallel`, the method may use several threads. The plane must not depend on it.
     fn choose(
         &self,
         cell: Cell<'_>,
@@ -47,19 +48,19 @@ pub(crate) trait ChoosePlane: Sync {
         parallel: bool,
     ) -> Option<Plane>;
 
-    /// What to keep for the lower and the upper part of a divided cell, which has no primitives here unless
-    /// [`LOOKS_BACK`](Self::LOOKS_BACK) asks for them.
+    /// The data to keep for the lower and the upper child of a divided cell. `cell` has no primitives unless
+    /// [`NEEDS_PARENT`](Self::NEEDS_PARENT) is set.
     fn divide(
         &self,
         kept: Self::Kept,
         cell: Cell<'_>,
         plane: &Plane,
-        parts: [Cell<'_>; 2],
+        children: [Cell<'_>; 2],
         parallel: bool,
     ) -> [Self::Kept; 2];
 }
 
-/// Choosers that look at the cell alone, and keep nothing from cell to cell.
+/// A chooser that uses only the cell and keeps no data between cells.
 pub(crate) trait Memoryless: Sync {
     /// See [`ChoosePlane::BY_COST`].
     const BY_COST: bool = true;
@@ -84,16 +85,16 @@ impl<C: Memoryless> ChoosePlane for C {
     }
 }
 
-/// What is to be done with a chooser, whichever it is.
+/// A generic operation on a chooser of any type.
 pub(crate) trait WithChooser {
-    /// What comes of it.
+    /// The result of the operation.
     type Outcome;
 
-    /// Does it.
+    /// Runs the operation.
     fn with(self, chooser: &impl ChoosePlane) -> Self::Outcome;
 }
 
-/// Does `work` with the chooser that the options ask for.
+/// Runs `work` with the chooser that the options select.
 pub(crate) fn with_chooser_of<W: WithChooser>(options: &BuildOptions, work: W) -> W::Outcome {
     let binned = |bins: u16| Binned {
         bins: bins.into(),

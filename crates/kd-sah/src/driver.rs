@@ -1,4 +1,4 @@
-//! The one driver of all builders: when to stop, what becomes a leaf, where nodes go, which subtrees are built at once.
+//! The driver of all builders. It stops the recursion, makes leaves and nodes, and builds subtrees in parallel.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -14,13 +14,13 @@ use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, as_count, offer_e
 use crate::prim::Prim;
 use crate::progress::{Share, Watched};
 
-/// Cells with fewer primitives are built within one task.
+/// A cell with fewer primitives is built within one task.
 const TASK_PRIMS: usize = 1024;
 
-/// Cells with fewer primitives are divided by one thread.
+/// A cell with fewer primitives is divided by one thread.
 const CHUNKED_PRIMS: usize = 2 * CHUNK;
 
-/// What a build is about.
+/// The inputs of a build.
 pub(crate) struct Task<'a, S> {
     pub(crate) source: &'a S,
     pub(crate) options: &'a BuildOptions,
@@ -33,10 +33,10 @@ impl<S> Clone for Task<'_, S> {
     }
 }
 
-/// Whatever the source is, it is only referred to.
+/// A derived implementation would require `S: Copy`, but a task holds only references.
 impl<S> Copy for Task<'_, S> {}
 
-/// The primitives of a cell, and what is known of it.
+/// A cell to build: its geometry, primitives and limits.
 #[derive(Debug)]
 pub(crate) struct Start {
     pub(crate) place: Place,
@@ -46,7 +46,7 @@ pub(crate) struct Start {
 }
 
 impl Start {
-    /// All primitives.
+    /// The root cell, with the limits of the options.
     pub(crate) fn root(place: Place, prims: Vec<Prim>, options: &BuildOptions) -> Self {
         Self {
             place,
@@ -72,14 +72,14 @@ impl<S: PrimSource> Task<'_, S> {
         let driver = self.driver(chooser, &start);
         let mut worker = Worker::default();
         worker.output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
-        let (part, mut prims) = driver.begin(start);
-        let mut free = Prim::room_for(roomy(prims.len()));
-        let built = driver.grow(part, &mut prims, &mut free, &mut worker)?;
+        let (state, mut prims) = driver.begin(start);
+        let mut free = Prim::room_for(with_reserve(prims.len()));
+        let built = driver.grow(state, &mut prims, &mut free, &mut worker)?;
         worker.output.pairs[0].0[0] = built.node;
         Ok(worker.output)
     }
 
-    /// Divides a cell once; gives it back if it should be a leaf.
+    /// Divides a cell once. Returns the cell as an error if it should be a leaf.
     pub(crate) fn divide(
         &self,
         chooser: &impl ChoosePlane,
@@ -87,24 +87,24 @@ impl<S: PrimSource> Task<'_, S> {
     ) -> Result<(Plane, [Start; 2]), Start> {
         let max_depth = start.max_depth;
         let driver = self.driver(chooser, &start);
-        let (mut part, mut prims) = driver.begin(start);
-        let Some(plane) = driver.plane(&prims, &mut part) else {
+        let (mut state, mut prims) = driver.begin(start);
+        let Some(plane) = driver.plane(&prims, &mut state) else {
             return Err(Start {
-                place: part.place,
+                place: state.place,
                 prims,
-                allowance: part.allowance,
+                allowance: state.allowance,
                 max_depth,
             });
         };
         let mut free = Prim::room_for(prims.len());
         let memory = (&mut *prims, &mut *free);
         let (divided, [lower, upper]) =
-            driver.divide(part, &plane, memory, None, &mut Worker::default());
+            driver.divide(state, &plane, memory, None, &mut Worker::default());
         let [below, above] = divided.both(&mut prims, &mut free);
-        let starts = [(lower, below), (upper, above)].map(|(part, room)| Start {
-            place: part.place,
+        let starts = [(lower, below), (upper, above)].map(|(state, room)| Start {
+            place: state.place,
             prims: room.prims.to_vec(),
-            allowance: part.allowance,
+            allowance: state.allowance,
             max_depth,
         });
         Ok((plane, starts))
@@ -116,7 +116,7 @@ impl<S: PrimSource> Task<'_, S> {
             _ => kd_tasks::threads(),
         };
         let parallel = threads > 1;
-        // Where cells are no more than a thread's share of the work, there are others to divide at the same time.
+        // A cell of at most one thread's share of the work is divided by one thread: others divide other cells meanwhile.
         let share = start.prims.len() / threads;
         Driver {
             source: self.source,
@@ -136,22 +136,22 @@ impl<S: PrimSource> Task<'_, S> {
     }
 }
 
-/// What building on one thread needs.
+/// The output and memory of one building thread.
 #[derive(Debug, Default)]
 struct Worker {
     output: Output,
     block: Block,
-    /// Memory for a task whose share of what was free is too small.
+    /// Memory for a task whose free memory is too small.
     spare: Vec<Prim>,
 }
 
-/// So much memory that it is likely to last for the cells below one of so many primitives: at least a half of each
-/// stays where it is, and some are cut.
-fn roomy(prims: usize) -> usize {
+/// An amount of memory, in primitives, that is likely to suffice for all cells below a cell of `prims` primitives: at least
+/// half of the primitives of a cell stay in place, and planes cut some.
+fn with_reserve(prims: usize) -> usize {
     prims + prims / 16
 }
 
-/// Memory to divide a cell into, if there is not enough of it free; nothing otherwise.
+/// New memory to divide a cell into; empty if the free memory suffices.
 fn more_memory<S: PrimSource>(
     division: &Division<'_, S>,
     prims: &[Prim],
@@ -164,7 +164,7 @@ fn more_memory<S: PrimSource>(
         return Vec::new();
     }
     if count < TASK_PRIMS {
-        // What is kept for tasks is at hand; counting what moves would take longer.
+        // The spare memory of tasks is available; counting the primitives that move would take longer.
         let spare = std::mem::take(&mut worker.spare);
         return if spare.is_empty() {
             Prim::room_for(2 * TASK_PRIMS)
@@ -176,28 +176,28 @@ fn more_memory<S: PrimSource>(
     if free >= needed {
         Vec::new()
     } else {
-        Prim::room_for(roomy(needed))
+        Prim::room_for(with_reserve(needed))
     }
 }
 
-/// A cell to be built, but for its primitives.
-struct Part<K> {
+/// A cell to build, without its primitives.
+struct CellState<K> {
     place: Place,
-    /// What the chooser keeps for it.
+    /// The data that the chooser keeps for the cell.
     kept: K,
     allowance: Allowance,
 }
 
-/// What a cell inherits on its way down.
+/// Limits that a cell inherits from its parent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Allowance {
-    /// Splits that may still cost more than they save.
+    /// The number of splits that may still cost more than they save.
     bad_refines: u32,
-    /// References the leaves of the cell may have together.
+    /// The greatest total number of references of the cell's leaves.
     refs: u64,
-    /// Whether the cell would have been divided, had there been references enough.
+    /// Whether the limit of references kept the cell from being divided.
     is_limited: bool,
-    /// Its part of the whole work.
+    /// The cell's share of the work of the build.
     share: Share,
 }
 
@@ -210,39 +210,39 @@ struct Driver<'a, S, C> {
     leaf_cost: LeafCost,
     max_depth: u32,
     parallel: bool,
-    /// The fewest primitives of cells that are divided in chunks.
+    /// The smallest number of primitives of a cell that is divided in chunks.
     chunked_prims: usize,
 }
 
 impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
-    /// A cell whose ancestors this driver did not build.
-    fn begin(&self, start: Start) -> (Part<C::Kept>, Vec<Prim>) {
+    /// Prepares a cell whose ancestors this driver did not build.
+    fn begin(&self, start: Start) -> (CellState<C::Kept>, Vec<Prim>) {
         let kept = self.chooser.begin(Cell {
             place: &start.place,
             prims: &start.prims,
         });
-        let part = Part {
+        let state = CellState {
             place: start.place,
             kept,
             allowance: start.allowance,
         };
-        (part, start.prims)
+        (state, start.prims)
     }
 
-    /// Builds the subtree of a cell; what lies below its root goes to the output. Neither the primitives nor what is in
-    /// the free memory are the same afterwards.
+    /// Builds the subtree of a cell and returns its root. Nodes below the root are appended to the output. Overwrites the
+    /// primitives and the free memory.
     fn grow(
         &self,
-        mut part: Part<C::Kept>,
+        mut state: CellState<C::Kept>,
         prims: &mut [Prim],
         free: &mut [Prim],
         worker: &mut Worker,
     ) -> Result<Built, BuildError> {
         let count = prims.len();
-        let Some(plane) = self.plane(prims, &mut part) else {
-            return self.leaf(prims, &part.allowance, &mut worker.output);
+        let Some(plane) = self.plane(prims, &mut state) else {
+            return self.leaf(prims, &state.allowance, &mut worker.output);
         };
-        let place = part.place;
+        let place = state.place;
         let division = self.division(&place, &plane);
         let chunks = if count >= self.chunked_prims {
             ChunkCounts::of(&division, prims)
@@ -251,7 +251,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         };
         let mut more = more_memory(&division, prims, free.len(), chunks.as_ref(), worker);
         let free = if more.is_empty() { free } else { &mut more };
-        let (divided, [lower, upper]) = self.divide(part, &plane, (prims, free), chunks, worker);
+        let (divided, [lower, upper]) = self.divide(state, &plane, (prims, free), chunks, worker);
         let interior = Interior::begin(&place, &divided.places, &mut worker.output);
         let children = if self.parallel && count >= TASK_PRIMS {
             let [below, above] = divided.both(prims, free);
@@ -268,17 +268,17 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         self.finish(&interior, &plane, count, &children, &mut worker.output)
     }
 
-    /// Divides a cell: in chunks, if those have been counted. There must be enough free memory.
+    /// Divides a cell, in chunks if `chunks` are given. The free memory must suffice.
     fn divide(
         &self,
-        part: Part<C::Kept>,
+        state: CellState<C::Kept>,
         plane: &Plane,
         (prims, free): (&mut [Prim], &mut [Prim]),
         chunks: Option<ChunkCounts>,
         worker: &mut Worker,
-    ) -> (Divided, [Part<C::Kept>; 2]) {
-        let place = part.place;
-        let whole = if C::LOOKS_BACK {
+    ) -> (Divided, [CellState<C::Kept>; 2]) {
+        let place = state.place;
+        let whole = if C::NEEDS_PARENT {
             prims.to_vec()
         } else {
             Vec::new()
@@ -299,20 +299,24 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         });
         let kept = self
             .chooser
-            .divide(part.kept, whole, plane, cells, self.parallel);
-        let parts = Part::both(divided.places, kept, part.allowance.divide(divided.counted));
-        (divided, parts)
+            .divide(state.kept, whole, plane, cells, self.parallel);
+        let children = CellState::both(
+            divided.places,
+            kept,
+            state.allowance.divide(divided.counted),
+        );
+        (divided, children)
     }
 
     /// The plane to divide a cell by; `None` if it should be a leaf.
-    fn plane(&self, prims: &[Prim], part: &mut Part<C::Kept>) -> Option<Plane> {
-        let plane = self.best_plane(prims, part)?;
-        part.allowance.covers(prims, &plane).then_some(plane)
+    fn plane(&self, prims: &[Prim], state: &mut CellState<C::Kept>) -> Option<Plane> {
+        let plane = self.best_plane(prims, state)?;
+        state.allowance.covers(prims, &plane).then_some(plane)
     }
 
-    /// The plane to divide a cell by, were there references enough.
-    fn best_plane(&self, prims: &[Prim], part: &mut Part<C::Kept>) -> Option<Plane> {
-        let place = part.place;
+    /// The plane to divide a cell by without the limit of references.
+    fn best_plane(&self, prims: &[Prim], state: &mut CellState<C::Kept>) -> Option<Plane> {
+        let place = state.place;
         let cell = Cell {
             place: &place,
             prims,
@@ -326,7 +330,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         if self.options.longest_axis {
             cost = cost.with_longest_axis(&place.bounds);
         }
-        let choose = || self.chooser.choose(cell, &part.kept, &cost, self.parallel);
+        let choose = || self.chooser.choose(cell, &state.kept, &cost, self.parallel);
         if !C::BY_COST {
             return choose();
         }
@@ -341,10 +345,10 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         }
         let plane = choose()?;
         if plane.cost >= leaf_cost {
-            if part.allowance.bad_refines == 0 {
+            if state.allowance.bad_refines == 0 {
                 return None;
             }
-            part.allowance.bad_refines -= 1;
+            state.allowance.bad_refines -= 1;
         }
         Some(plane)
     }
@@ -357,19 +361,19 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         }
     }
 
-    /// Builds the subtrees of both parts of a cell, possibly at the same time.
+    /// Builds the subtrees of both children of a cell, possibly at the same time.
     fn grow_both(
         &self,
-        (lower, below): (Part<C::Kept>, Room<'_>),
-        (upper, above): (Part<C::Kept>, Room<'_>),
+        (lower, below): (CellState<C::Kept>, Room<'_>),
+        (upper, above): (CellState<C::Kept>, Room<'_>),
         worker: &mut Worker,
     ) -> Result<[Built; 2], BuildError> {
-        // Locked by the lower part until it is finished. If no other thread has taken the upper part by then, it goes
-        // straight behind the lower one; only what is built at the same time has to be moved there.
+        // The task of the lower child holds the lock until it is finished. If no other thread has taken the upper child by
+        // then, its nodes are written directly behind those of the lower child. Otherwise they are appended afterwards.
         let shared = Mutex::new(std::mem::take(worker));
-        let grow_here = |part, room: Room<'_>| {
+        let grow_here = |state, room: Room<'_>| {
             let mut worker = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            self.grow(part, room.prims, room.free, &mut worker)
+            self.grow(state, room.prims, room.free, &mut worker)
         };
         let (lower, upper) = kd_tasks::join(
             || grow_here(lower, below),
@@ -391,7 +395,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
         Ok([lower, upper])
     }
 
-    /// Puts an interior node over two finished subtrees, or a leaf in place of all of it if that costs no more.
+    /// Makes an interior node over two finished subtrees, or replaces the subtrees by a leaf if the leaf costs no more.
     fn finish(
         &self,
         interior: &Interior,
@@ -420,7 +424,7 @@ impl<S: PrimSource, C: ChoosePlane> Driver<'_, S, C> {
     }
 }
 
-impl<K> Part<K> {
+impl<K> CellState<K> {
     fn both(places: [Place; 2], kept: [K; 2], allowances: [Allowance; 2]) -> [Self; 2] {
         let ([lower, upper], [lower_kept, upper_kept]) = (places, kept);
         [
@@ -436,7 +440,7 @@ impl<K> Part<K> {
 }
 
 impl Allowance {
-    /// Whether there are references enough for what both parts would hold; takes note if not.
+    /// Whether the references allowed suffice for both children; records in `is_limited` if they do not.
     fn covers(&mut self, prims: &[Prim], plane: &Plane) -> bool {
         let is_enough = |needed: usize| needed as u64 <= self.refs;
         let covers = is_enough(2 * prims.len()) || {
@@ -447,7 +451,7 @@ impl Allowance {
         covers
     }
 
-    /// What both parts inherit, if it covers them.
+    /// The limits of both children. The allowance must cover them.
     fn divide(&self, counted: Counted) -> [Self; 2] {
         let counts = [counted.lower, counted.upper];
         let refs = share_refs(self.refs, counts);
@@ -460,12 +464,13 @@ impl Allowance {
     }
 }
 
-/// Divides an allowance of references between two cells in proportion to what they hold, and at least that.
+/// Divides an allowance of references between two cells in proportion to their numbers of primitives. Each gets at least
+/// its number of primitives.
 fn share_refs(allowance: u64, [lower, upper]: [usize; 2]) -> [u64; 2] {
     let (lower, upper) = (lower as u64, upper as u64);
     let spare = allowance - (lower + upper);
     let spare_lower = u128::from(spare) * u128::from(lower) / u128::from((lower + upper).max(1));
-    let spare_lower = u64::try_from(spare_lower).expect("no more than the spare itself");
+    let spare_lower = u64::try_from(spare_lower).expect("at most `spare`");
     [lower + spare_lower, upper + spare - spare_lower]
 }
 
@@ -474,10 +479,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_add_up_and_cover_what_is_there() {
-        assert_eq!(share_refs(10, [3, 3]), [5, 5], "even");
-        assert_eq!(share_refs(10, [0, 4]), [0, 10], "all to one");
-        assert_eq!(share_refs(10, [1, 8]), [1, 9], "the odd one goes up");
+    fn shared_references_add_up_and_cover_both_cells() {
+        assert_eq!(share_refs(10, [3, 3]), [5, 5], "equal cells");
+        assert_eq!(share_refs(10, [0, 4]), [0, 10], "an empty cell");
+        assert_eq!(
+            share_refs(10, [1, 8]),
+            [1, 9],
+            "the remainder goes to the upper cell"
+        );
         assert_eq!(
             share_refs(u64::MAX, [1, 1]),
             [u64::MAX / 2, u64::MAX / 2 + 1],

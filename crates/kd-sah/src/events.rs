@@ -1,4 +1,4 @@
-//! Where primitives start and end along an axis, in order.
+//! Events: sorted starts and ends of primitives along an axis.
 
 use kd_core::Axis;
 
@@ -6,15 +6,15 @@ use crate::CHUNK;
 use crate::plane::{BestPlane, Counts};
 use crate::prim::Prim;
 
-/// A start, an end, or both at once (planar), packed so that integers in order are events in order:
+/// A start, an end, or both at once (planar), packed into an integer that orders like the event:
 ///
 /// ```text
 /// bits 63..32  position, as an integer that orders like the float
 /// bits 31..30  kind: End < Planar < Start
 /// bits 29..0   primitive, numbered within its cell
 /// ```
-/// At one position ends come first: what ends there does not reach above the plane, what starts there does not reach
-/// below it (Wald and Havran 2006 §4.2).
+/// At one position ends come first: a primitive that ends there does not reach above the plane, and one that starts there
+/// does not reach below it (Wald and Havran 2006 §4.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Event(u64);
 
@@ -25,22 +25,22 @@ const KIND_SHIFT: u32 = 30;
 const PRIM_MASK: u64 = (1 << KIND_SHIFT) - 1;
 
 impl Event {
-    /// To fill memory with before it is written.
+    /// An initial value for memory that is written later.
     pub(crate) const NONE: Self = Self(0);
 
-    /// A start whose primitive does not matter.
+    /// A start without a primitive.
     #[inline]
     pub(crate) fn start(position: f32) -> Self {
         Self::new(position, START, 0)
     }
 
-    /// An end whose primitive does not matter.
+    /// An end without a primitive.
     #[inline]
     pub(crate) fn end(position: f32) -> Self {
         Self::new(position, END, 0)
     }
 
-    /// A start and end at once, whose primitive does not matter.
+    /// A planar event without a primitive.
     #[inline]
     pub(crate) fn planar(position: f32) -> Self {
         Self::new(position, PLANAR, 0)
@@ -70,19 +70,19 @@ impl Event {
         (self.0 & PRIM_MASK) as u32
     }
 
-    /// The same event of a primitive under its number in another cell.
+    /// The same event with the number of its primitive in another cell.
     pub(crate) fn renumbered(self, prim: u32) -> Self {
         Self(self.0 & !PRIM_MASK | u64::from(prim))
     }
 }
 
-/// An integer that orders like the float. -0.0 and 0.0 are one position, so they become one integer.
+/// An integer that orders like the float. -0.0 and 0.0 are the same position, so they give the same integer.
 #[inline]
 fn ordered(x: f32) -> u32 {
     let bits = (x + 0.0).to_bits();
-    // All bits of a negative number are turned over, and the first one of a positive number.
-    let turned = (bits.cast_signed() >> 31).cast_unsigned() | 1 << 31;
-    bits ^ turned
+    // Inverts all bits of a negative number, and only the sign bit of a positive one.
+    let inverted = (bits.cast_signed() >> 31).cast_unsigned() | 1 << 31;
+    bits ^ inverted
 }
 
 fn unordered(key: u32) -> f32 {
@@ -104,7 +104,7 @@ pub(crate) fn push_events(events: &mut Vec<Event>, axis: Axis, number: u32, prim
     }
 }
 
-/// All events of a cell on one axis, not sorted.
+/// All events of a cell on one axis, unsorted.
 pub(crate) fn events_of(prims: &[Prim], axis: Axis) -> Vec<Event> {
     let mut events = Vec::with_capacity(2 * prims.len());
     for (number, prim) in (0_u32..).zip(prims) {
@@ -113,9 +113,9 @@ pub(crate) fn events_of(prims: &[Prim], axis: Axis) -> Vec<Event> {
     events
 }
 
-/// Offers every position with an event, with the counts on both sides kept up along the way (Wald and Havran 2006,
-/// Algorithm 4). `lower` primitives reach below all of the events, `upper` above where the events start. Each event
-/// and each of these stands for `weight` primitives.
+/// Offers a plane at every position with an event, with counts on both sides that are updated incrementally (Wald and
+/// Havran 2006, Algorithm 4). `lower` primitives reach below all of the events, and `upper` above the first one. Each event
+/// and each of these counts for `weight` primitives.
 pub(crate) fn sweep(
     events: &[Event],
     axis: Axis,
@@ -148,8 +148,8 @@ pub(crate) fn sweep(
     }
 }
 
-/// [`sweep`] in chunks, possibly on several threads (Choi et al. 2010): `PreScan` counts the events of each chunk, Push
-/// adds up what lies before it, `SAHScan` looks for its best plane.
+/// [`sweep`] in chunks, on several threads if `parallel` (Choi et al. 2010): `PreScan` counts the events of each chunk,
+/// `Push` sums the counts before each chunk, and `SAHScan` finds the best plane of each chunk.
 pub(crate) fn sweep_in_chunks(
     events: &[Event],
     axis: Axis,
@@ -182,13 +182,13 @@ pub(crate) fn sweep_in_chunks(
     }
 }
 
-/// Contiguous parts of sorted events, cut between positions only.
+/// Divides sorted events into contiguous chunks, such that events at one position are in one chunk.
 fn chunks(mut events: &[Event]) -> Vec<&[Event]> {
     let mut chunks = Vec::with_capacity(events.len() / CHUNK + 1);
     while events.len() > CHUNK {
         let here = events[CHUNK].position_bits();
         let cut = events.partition_point(|event| event.position_bits() < here);
-        // All of the chunk at one position: it ends where the next one starts.
+        // The whole chunk is at one position: it extends to the next position.
         let cut = if cut > 0 {
             cut
         } else {
@@ -218,9 +218,15 @@ mod tests {
 
     #[test]
     fn both_zeros_are_one_position() {
-        assert_eq!(ordered(-0.0), ordered(0.0), "one integer");
-        assert!(ordered(-f32::MIN_POSITIVE) < ordered(0.0), "below");
-        assert!(ordered(f32::MIN_POSITIVE) > ordered(0.0), "above");
+        assert_eq!(ordered(-0.0), ordered(0.0), "the same integer");
+        assert!(
+            ordered(-f32::MIN_POSITIVE) < ordered(0.0),
+            "a negative number is below"
+        );
+        assert!(
+            ordered(f32::MIN_POSITIVE) > ordered(0.0),
+            "a positive number is above"
+        );
     }
 
     #[test]
@@ -234,7 +240,11 @@ mod tests {
         events.sort_unstable();
         let order: Vec<u32> = events.iter().map(|e| e.prim()).collect();
         assert_eq!(order, [7, 5, 9, 0], "by position, then kind");
-        assert_eq!(events[1].renumbered(3).prim(), 3, "a new number");
-        assert_eq!(events[1].renumbered(3).position(), 1.0, "at the same place");
+        assert_eq!(events[1].renumbered(3).prim(), 3, "the new number");
+        assert_eq!(
+            events[1].renumbered(3).position(),
+            1.0,
+            "the position is unchanged"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Trees that are built where somebody looks (Hunt, Mark, Fussell 2007, *Fast and lazy build of acceleration structures
+//! Trees that are built on demand, cell by cell (Hunt, Mark, Fussell 2007, *Fast and lazy build of acceleration structures
 //! from scene hierarchies*).
 
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -12,44 +12,44 @@ use crate::options::{BuildError, BuildOptions};
 use crate::plane::Plane;
 use crate::progress::Watched;
 
-/// A cell with at most so many primitives is built at once when it is looked into.
-const AT_ONCE: usize = 1024;
+/// The greatest number of primitives of a cell whose whole subtree is built when it is opened.
+const MAX_EAGER: usize = 1024;
 
-/// A cell of a tree that is divided when it is [opened](Self::open) for the first time.
+/// A cell of a tree, divided when it is [opened](Self::open) for the first time.
 ///
-/// The planes are those that [`build`](crate::build) would choose with the same options, but cells above some size are
-/// never taken back to a leaf, since what lies below them is not known. Any number of threads may open cells; one
-/// divides, the others wait for it.
+/// The planes are those that [`build`](crate::build) chooses with the same options. Cells of more than 1024 primitives are
+/// never turned back into leaves, since the cost of their subtrees is unknown. Any number of threads may open cells: one
+/// thread divides a cell, and the others wait for it.
 #[derive(Debug)]
 pub struct LazyNode<L> {
     opened: OnceLock<Opened<L>>,
-    /// Taken by whoever opens it.
+    /// The primitives of a cell that is not yet open; taken by the thread that opens it.
     pending: Mutex<Option<Start>>,
 }
 
-/// What is in a cell.
+/// The contents of an open cell.
 #[derive(Debug)]
 pub enum Opened<L> {
     /// A plane and two cells.
     Interior {
-        /// Which axis the plane is perpendicular to.
+        /// The axis perpendicular to the plane.
         axis: Axis,
-        /// Where the plane lies on that axis, in scene units.
+        /// The coordinate of the plane on that axis, in scene units.
         split: f32,
         /// The lower and the upper cell.
         children: Box<[LazyNode<L>; 2]>,
     },
-    /// A finished tree over the cell, as whoever opened it wanted it. Its bounds are those of the cell, and its
-    /// references count as those of the whole tree.
+    /// The result of `finish` for a complete tree over the cell. The bounds of the tree are those of the cell, and its
+    /// references are slots of the whole source.
     Subtree(L),
 }
 
 impl<L> LazyNode<L> {
-    /// The cell of everything. Takes one look at each primitive.
+    /// The root cell, over all primitives of `source`. Linear: it reads the box of each primitive.
     ///
     /// # Errors
     ///
-    /// [`BuildError`]: an option out of range, or a primitive without a finite box.
+    /// [`BuildError`] if an option is out of range, the source has too many primitives, or a primitive has no finite box.
     pub fn root(source: &impl PrimSource, options: &BuildOptions) -> Result<Self, BuildError> {
         options.check()?;
         let (place, prims) = crate::root_cell(source, false)?;
@@ -63,12 +63,13 @@ impl<L> LazyNode<L> {
         }
     }
 
-    /// Divides the cell, if that has not been done yet: in two, or completely where few primitives are left, which
-    /// `finish` then turns into what is kept. Source and options must be those of the root. Works on the calling thread.
+    /// The contents of the cell, which the first call computes on the calling thread. A cell of more than 1024 primitives
+    /// is divided in two. For any other cell, its whole subtree is built, and `finish` converts the subtree to the stored
+    /// form. `source` and `options` must be those of the root.
     ///
     /// # Panics
     ///
-    /// If `source` does, or did when the cell was to be opened before.
+    /// If `source` or `finish` panics, or did so when the cell was first opened.
     pub fn open(
         &self,
         source: &impl PrimSource,
@@ -95,16 +96,16 @@ impl<L> LazyNode<L> {
         finish: impl FnOnce(Tree) -> L,
     ) -> Opened<L> {
         let options = task.options;
-        if start.prims.len() > AT_ONCE {
+        if start.prims.len() > MAX_EAGER {
             match with_chooser_of(options, Divide { task, start }) {
-                Ok((plane, parts)) => {
+                Ok((plane, starts)) => {
                     return Opened::Interior {
                         axis: plane.axis,
                         split: plane.position,
-                        children: Box::new(parts.map(Self::pending)),
+                        children: Box::new(starts.map(Self::pending)),
                     };
                 }
-                // A leaf however large: nothing divides it, as it did not just now.
+                // No plane divides the cell, so it is a leaf of any size: the depth limit stops the build at its root.
                 Err(leaf) => {
                     start = Start {
                         max_depth: leaf.place.depth,
@@ -117,20 +118,20 @@ impl<L> LazyNode<L> {
         let slots = task.source.count();
         let cost = task.options.cost;
         let output = with_chooser_of(options, Build { task, start })
-            .expect("nobody cancels, and what fits a cell fits a tree");
+            .expect("no watch cancels the build, and the subtree of a cell fits a tree");
         let tree = Tree::from_parts(output.pairs, output.refs, bounds, slots, cost)
             .expect("builders make valid trees")
             .with_limited_cells(output.limited_cells);
         Opened::Subtree(finish(tree))
     }
 
-    /// What is in the cell, if it has been opened.
+    /// The contents of the cell; `None` if it is not open. Constant time.
     pub fn opened(&self) -> Option<&Opened<L>> {
         self.opened.get()
     }
 }
 
-/// One division.
+/// The division of one cell by the chooser of the options.
 struct Divide<'a, S> {
     task: Task<'a, S>,
     start: Start,

@@ -1,4 +1,4 @@
-//! Nodes and references as they are made, before they are a tree.
+//! Nodes and references of a tree under construction.
 
 use kd_core::{CostModel, Node, NodeIndex, Pair, Slot, TreeError};
 
@@ -6,17 +6,18 @@ use crate::cell::Place;
 use crate::options::BuildError;
 use crate::plane::Plane;
 
-/// Nodes below some root, indices counting from 0, in depth-first order: a pair, all below its lower node, all below
-/// its upper node. The order does not depend on which thread built what.
+/// The nodes of a subtree, with indices from 0, in depth-first order: a pair, all nodes below its lower node, all nodes
+/// below its upper node. The order does not depend on threads.
 #[derive(Debug, Default)]
 pub(crate) struct Output {
     pub(crate) pairs: Vec<Pair>,
     pub(crate) refs: Vec<Slot>,
-    /// Cells that were not divided for lack of references, those in subtrees that were taken back included.
+    /// The number of cells that were not divided because the limit of references was reached, including cells of retracted
+    /// subtrees.
     pub(crate) limited_cells: usize,
 }
 
-/// A finished node, not yet put in its place, and its expected cost for a ray that enters it.
+/// A finished node that is not yet stored, and its expected cost for a ray that enters it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Built {
     pub(crate) node: Node,
@@ -26,34 +27,35 @@ pub(crate) struct Built {
 /// An interior node whose subtrees are being built.
 #[derive(Debug)]
 pub(crate) struct Interior {
-    /// Where its children go, and where the references below it start.
+    /// The index of the pair of its children.
     pair: usize,
+    /// The index of the first reference below it.
     first_ref: usize,
-    /// Of entering each child, for a ray that enters the node.
-    chances: [f64; 2],
+    /// The probability of entering each child, for a ray that enters the node.
+    probabilities: [f64; 2],
 }
 
 impl Interior {
-    /// Makes room for the children.
-    pub(crate) fn begin(place: &Place, parts: &[Place; 2], output: &mut Output) -> Self {
+    /// Appends a pair for the children.
+    pub(crate) fn begin(place: &Place, children: &[Place; 2], output: &mut Output) -> Self {
         let half_area = place.bounds.half_area();
         let interior = Self {
             pair: output.pairs.len(),
             first_ref: output.refs.len(),
-            chances: [0, 1].map(|side: usize| parts[side].bounds.half_area() / half_area),
+            probabilities: [0, 1].map(|side: usize| children[side].bounds.half_area() / half_area),
         };
         output.pairs.push(Pair([Node::EMPTY_LEAF; 2]));
         interior
     }
 
-    /// What a ray is expected to pay in the children.
+    /// The expected cost of the children for a ray that enters the node.
     pub(crate) fn cost_below(&self, [lower, upper]: &[Built; 2]) -> f64 {
-        self.chances[0] * lower.cost + self.chances[1] * upper.cost
+        self.probabilities[0] * lower.cost + self.probabilities[1] * upper.cost
     }
 }
 
 impl Output {
-    /// A leaf with these references.
+    /// Appends references and returns a leaf over them.
     pub(crate) fn leaf(
         &mut self,
         refs: impl Iterator<Item = Slot>,
@@ -64,7 +66,7 @@ impl Output {
         self.leaf_from(first, model)
     }
 
-    /// Puts the children of an interior node in their places.
+    /// Stores the children of an interior node and returns the node.
     pub(crate) fn finish(
         &mut self,
         interior: &Interior,
@@ -81,7 +83,7 @@ impl Output {
         })
     }
 
-    /// Takes back everything below an interior node: its references, once each, become a leaf.
+    /// Retracts an interior node: removes all nodes below it and returns a leaf over their references, once each.
     pub(crate) fn retract(
         &mut self,
         interior: &Interior,
@@ -104,7 +106,7 @@ impl Output {
     /// The leaf over all references from `first` on.
     fn leaf_from(&self, first: usize, model: &CostModel) -> Result<Built, BuildError> {
         let count = self.refs.len() - first;
-        // Empty leaves are all the same, wherever they stand.
+        // All empty leaves are equal, independent of their position.
         let first = if count == 0 { 0 } else { first };
         let node = match (u32::try_from(first), u32::try_from(count)) {
             (Ok(first), Ok(count)) => Node::leaf(first, count),
@@ -116,7 +118,7 @@ impl Output {
         })
     }
 
-    /// Appends what another task built, and gives its root as seen from here.
+    /// Appends the output of another task and returns its root with relocated indices.
     pub(crate) fn append(&mut self, other: &Self, root: Built) -> Result<Built, BuildError> {
         let too_large = self.too_large();
         let (Ok(nodes), Ok(refs)) = (
@@ -125,7 +127,7 @@ impl Output {
         ) else {
             return Err(too_large);
         };
-        // An empty leaf has nothing to point to, and stays equal to every other.
+        // An empty leaf has no references, and stays equal to all other empty leaves.
         let relocated = |node: Node| {
             if node == Node::EMPTY_LEAF {
                 Some(node)

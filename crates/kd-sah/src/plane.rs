@@ -7,9 +7,9 @@ use kd_core::{Aabb, Axis, CostModel};
 pub(crate) struct Plane {
     pub(crate) axis: Axis,
     pub(crate) position: f32,
-    /// Where primitives go that lie in the plane itself: never to both sides.
+    /// The side that receives primitives in the plane. They never go to both sides.
     pub(crate) planar_side: Side,
-    /// Expected cost of the cell when divided here, for a ray that enters it.
+    /// The expected cost of the divided cell, for a ray that enters it.
     pub(crate) cost: f32,
 }
 
@@ -30,49 +30,50 @@ impl Side {
 }
 
 impl Plane {
-    /// The order in which planes are preferred: lower cost, then axis, then position, then planar primitives below.
+    /// Whether this plane is preferred: by lower cost, then by axis, then by position, then by planar primitives below.
     ///
-    /// It is total, so the winner does not depend on the order in which candidates are looked at.
+    /// The order is total, so the best plane does not depend on the order of candidates.
     pub(crate) fn is_better(&self, other: &Self) -> bool {
         let rank = |plane: &Self| (plane.axis, plane.position, plane.planar_side);
         self.cost < other.cost || (self.cost == other.cost && rank(self) < rank(other))
     }
 }
 
-/// How many primitives lie where, as seen from a plane.
+/// Numbers of primitives by their position with respect to a plane. A primitive that straddles the plane counts as both
+/// lower and upper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Counts {
-    /// Reaching below the plane.
+    /// Primitives that reach below the plane.
     pub(crate) lower: usize,
-    /// Lying in it.
+    /// Primitives in the plane.
     pub(crate) planar: usize,
-    /// Reaching above it. One that straddles the plane counts below and above.
+    /// Primitives that reach above the plane.
     pub(crate) upper: usize,
 }
 
-/// How many primitives a cell holds, or an estimate of it, as the cost model takes it.
+/// A number of primitives of a cell, or an estimate of it, in the type that the cost model takes.
 #[inline]
 #[allow(
     clippy::cast_possible_truncation,
-    reason = "a cell holds each primitive once, and primitives are numbered by 30 bits"
+    reason = "a cell holds each primitive once, and slots have 30 bits"
 )]
 pub(crate) fn as_count(primitives: usize) -> u32 {
     primitives as u32
 }
 
-/// The cost model, prepared for asking it about every candidate.
+/// The cost model with precomputed values, for use with every candidate.
 ///
-/// Costs of planes are f32, so that eight fit into a vector, and are computed by the same operations in the same order
-/// wherever that is done: all choosers agree to the bit.
+/// Costs of planes are f32, so that eight fit into a vector. All code that computes them uses the same operations in the
+/// same order, so that all choosers agree bit for bit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeafCost {
     /// K_T.
     pub(crate) traverse: f32,
-    /// What one block of `lanes` costs.
+    /// The cost of one block of `lanes` primitives.
     pub(crate) block: f32,
     pub(crate) lanes: u32,
     pub(crate) empty_bonus: f32,
-    /// log₂ of `lanes`, if it is whole: whoever asks for every candidate is spared a division.
+    /// log₂ of `lanes`, if it is an integer, to avoid a division for every candidate.
     shift: Option<u32>,
 }
 
@@ -90,18 +91,18 @@ impl LeafCost {
         }
     }
 
-    /// Cost of a leaf.
+    /// The cost of a leaf of `count` primitives.
     #[inline]
     pub(crate) fn of(&self, count: u32) -> f32 {
         let blocks = match self.shift {
             Some(shift) => (count + self.lanes - 1) >> shift,
             None => count.div_ceil(self.lanes),
         };
-        // Signed, which is one instruction; there are no more than fit.
+        // The conversion of a signed integer is one instruction, and the number of blocks fits.
         self.block * blocks.cast_signed() as f32
     }
 
-    /// [`of`](Self::of) several counts, with no branch between them.
+    /// [`of`](Self::of) for several counts, without a branch between them.
     #[inline(always)]
     pub(crate) fn of_lanes<const N: usize>(&self, counts: &[u32; N]) -> [f32; N] {
         let mut costs = [0.0; N];
@@ -118,7 +119,7 @@ impl LeafCost {
         costs
     }
 
-    /// What the cost of a plane with so many primitives on its sides is multiplied by.
+    /// The factor on the cost of a plane with these numbers of primitives on its sides.
     #[inline(always)]
     pub(crate) fn bonus(&self, lower: u32, upper: u32) -> f32 {
         if (lower == 0) | (upper == 0) {
@@ -128,37 +129,37 @@ impl LeafCost {
         }
     }
 
-    /// Whether no plane with primitives on both sides can make the cell cheaper than a leaf of `count`, however it is
-    /// divided further: a node, and below it at least one ray's worth of the cheapest there is, cost as much.
+    /// Whether a leaf of `count` primitives is at least as cheap as any subtree whose root plane has primitives on both
+    /// sides.
     ///
-    /// (A ray that enters the cell enters at least one of its parts; a part that is not empty costs at least a block,
-    /// or a node.)
+    /// Such a subtree costs at least a node plus the cheaper of a block and a node: a ray that enters the cell enters at
+    /// least one child, and a child that is not empty costs at least a block or a node.
     #[inline]
     pub(crate) fn is_settled(&self, count: u32) -> bool {
         self.of(count) <= self.traverse + self.block.min(self.traverse)
     }
 }
 
-/// What planes in one cell cost.
+/// The cost of planes in one cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellCost {
     pub(crate) leaf: LeafCost,
     pub(crate) axes: [AxisCost; 3],
-    /// The axes across which planes are looked for.
+    /// The axes of candidate planes.
     pub(crate) considered: &'static [Axis],
 }
 
-/// The chances of entering either part of a cell, as linear functions of where it is cut along an axis.
+/// The probabilities of entering the children of a cell, as linear functions of the position of a plane along an axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AxisCost {
     pub(crate) min: f32,
     pub(crate) max: f32,
-    /// Turns a distance from `min` into a fraction of the cell. Infinite where f32 does not hold it; planes across
-    /// so thin a cell have no finite cost, and are not considered.
+    /// The factor from a distance to `min` to a fraction of the cell. It is infinite if it overflows f32: planes across a
+    /// cell that is so thin have no finite cost and are not considered.
     pub(crate) scale: f32,
-    /// Chance of entering a part of no thickness: the area of the face cut out, over the half area of the cell.
+    /// The probability of entering a child of zero thickness: the area of the cut face over the half area of the cell.
     pub(crate) face: f32,
-    /// What the whole thickness adds.
+    /// The increase of the probability for a child as thick as the cell.
     pub(crate) slope: f32,
 }
 
@@ -184,13 +185,13 @@ impl AxisCost {
         }
     }
 
-    /// Where a position lies: 0 at the lower face of the cell, 1 at the upper one. Never decreases along the axis.
+    /// A position as a fraction of the cell: 0 at the lower face, 1 at the upper face. Monotone in the position.
     #[inline]
     pub(crate) fn fraction(&self, position: f32) -> f32 {
         (position - self.min) * self.scale
     }
 
-    /// Whether a plane there divides the cell at all.
+    /// Whether a plane at `position` is strictly inside the cell, and so divides it.
     #[inline]
     pub(crate) fn is_inside(&self, position: f32) -> bool {
         self.min < position && position < self.max
@@ -206,7 +207,7 @@ impl CellCost {
         }
     }
 
-    /// Considers planes across the longest axis of the cell only, the first one among equals.
+    /// The same with only the longest axis of the cell considered; the first of equally long ones.
     pub(crate) fn with_longest_axis(self, cell: &Aabb) -> Self {
         let extent = cell.extent();
         let longest = Axis::ALL
@@ -220,12 +221,12 @@ impl CellCost {
         }
     }
 
-    /// Cost after MacDonald and Booth as in Wald and Havran 2006, eq. 4: K_T plus each side's leaf cost times its half
-    /// area over the cell's, with a bonus where a side is empty. `lower` and `upper` are fractions of the cell that the
-    /// two parts take along the axis.
+    /// The cost after MacDonald and Booth as in Wald and Havran 2006, eq. 4: K_T plus, for each child, its leaf cost times
+    /// its half area over that of the cell, times a bonus if a child is empty. `lower` and `upper` are the fractions of the
+    /// cell that the children take along the axis.
     ///
-    /// Every operation is monotone, rounding included: less of either part, or fewer in it, never costs more. Bounds
-    /// of costs rely on that ([`exact`](crate::choose::Exact)).
+    /// Every operation is monotone, rounding included: a smaller child, or one with fewer primitives, never costs more. The
+    /// lower bounds of costs rely on this ([`promising`](crate::promising)).
     #[inline]
     pub(crate) fn of_parts(
         &self,
@@ -242,8 +243,8 @@ impl CellCost {
 }
 
 impl CellCost {
-    /// [`of_parts`](Self::of_parts) several planes, by the same operations, with no branch between them: the fractions
-    /// and counts of all lower parts, then of all upper ones.
+    /// [`of_parts`](Self::of_parts) for several planes, by the same operations, without a branch between them. The
+    /// arguments are the fractions and counts of all lower children, then of all upper children.
     #[inline(always)]
     pub(crate) fn of_lanes<const N: usize>(
         &self,
@@ -265,8 +266,8 @@ impl CellCost {
     }
 }
 
-/// Looks for the best plane of one cell; every chooser offers its candidates here, or does what is done here to many
-/// at once, so that they agree on cost and ties.
+/// The best candidate plane of one cell so far. Every chooser offers its candidates here, or applies the same rules to
+/// several candidates at once, so that all choosers agree on costs and ties.
 #[derive(Clone, Copy)]
 pub(crate) struct BestPlane<'a> {
     pub(crate) cost: &'a CellCost,
@@ -278,7 +279,8 @@ impl<'a> BestPlane<'a> {
         Self { cost, best: None }
     }
 
-    /// Considers a plane, with planar primitives on either side. Only planes strictly inside the cell divide it.
+    /// Considers a plane twice, with planar primitives on the lower and on the upper side. A plane that is not strictly
+    /// inside the cell is ignored.
     #[inline]
     pub(crate) fn offer(&mut self, axis: Axis, position: f32, counts: Counts) {
         let (lower, planar, upper) = (counts.lower, counts.planar, counts.upper);
@@ -288,7 +290,8 @@ impl<'a> BestPlane<'a> {
         }
     }
 
-    /// Considers a plane with so many primitives below and above it, planar ones among those of their side.
+    /// Considers a plane with `lower` primitives below and `upper` primitives above it. Planar primitives are included in
+    /// the count of `planar_side`.
     #[inline]
     pub(crate) fn offer_side(
         &mut self,
@@ -315,8 +318,8 @@ impl<'a> BestPlane<'a> {
         self.take(plane);
     }
 
-    /// Considers a plane whose cost is known. One without a finite cost is worse than none: the cell has no area, or
-    /// is too thin for f32.
+    /// Considers a plane whose cost is known. A plane without a finite cost is ignored: the cell has no area, or is too
+    /// thin for f32.
     #[inline]
     pub(crate) fn take(&mut self, plane: Plane) {
         if plane.cost < f32::INFINITY && self.best.is_none_or(|best| plane.is_better(&best)) {
@@ -328,13 +331,13 @@ impl<'a> BestPlane<'a> {
         self.best
     }
 
-    /// The cost of the best so far; infinite if there is none.
+    /// The cost of the best plane so far; infinite without a plane.
     pub(crate) fn least_cost(&self) -> f32 {
         self.best.map_or(f32::INFINITY, |plane| plane.cost)
     }
 }
 
-/// The planes that cut off what is empty: the faces of the box `tight` around all `count` primitives of the cell.
+/// Offers the planes that cut off empty space: the faces of the box `tight` around all `count` primitives of the cell.
 pub(crate) fn offer_empty_cuts(best: &mut BestPlane<'_>, tight: &Aabb, count: usize) {
     for axis in Axis::ALL {
         best.offer_side(axis, tight.min[axis.index()], (0, count), Side::Upper);
@@ -378,31 +381,31 @@ mod tests {
             assert_eq!(
                 (best.axis, best.position),
                 (Axis::Y, 1.0),
-                "y before z, low before high"
+                "y before z, lower position before higher"
             );
         }
     }
 
     #[test]
-    fn planar_primitives_go_where_they_cost_less() {
+    fn planar_primitives_go_to_the_cheaper_side() {
         let counts = Counts {
             lower: 0,
             planar: 5,
             upper: 9,
         };
         let low = best_of(&[(Axis::X, 1.0, counts)]).expect("a plane");
-        assert_eq!(low.planar_side, Side::Lower, "the small side");
+        assert_eq!(low.planar_side, Side::Lower, "the smaller side");
         let counts = Counts {
             lower: 5,
             planar: 5,
             upper: 5,
         };
         let middle = best_of(&[(Axis::X, 2.0, counts)]).expect("a plane");
-        assert_eq!(middle.planar_side, Side::Lower, "a tie goes below");
+        assert_eq!(middle.planar_side, Side::Lower, "the lower side in a tie");
     }
 
     #[test]
-    fn empty_space_has_a_bonus_and_faces_are_no_planes() {
+    fn empty_cuts_get_the_bonus_and_faces_of_the_cell_are_ignored() {
         let none = Counts {
             lower: 0,
             planar: 0,
@@ -419,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_cost_what_the_model_says() {
+    fn leaf_costs_equal_those_of_the_model() {
         for lanes in [1, 3, 8, 100] {
             let model = CostModel {
                 lanes,
@@ -433,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn a_settled_cell_is_a_leaf_whatever_is_done() {
+    fn cells_whose_leaf_is_cheapest_are_settled() {
         let packed = LeafCost::new(&CostModel {
             traverse: 1.0,
             intersect: 0.1,
@@ -442,13 +445,13 @@ mod tests {
         });
         assert!(
             packed.is_settled(16),
-            "two blocks are less than a node and a block"
+            "two blocks cost less than a node and a block"
         );
-        assert!(!packed.is_settled(17), "three are not");
+        assert!(!packed.is_settled(17), "three blocks cost more");
         let classic = LeafCost::new(&CostModel::CLASSIC);
         assert!(
             classic.is_settled(1) && !classic.is_settled(2),
-            "20 and 40 against 15 + 15"
+            "20 and 40, compared with 15 + 15"
         );
     }
 }

@@ -1,13 +1,13 @@
-//! A primitive as builders move it around: 32 bytes, two vectors.
+//! The representation of a primitive that builders move: 32 bytes, two vectors.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 use kd_core::{Aabb, Axis};
 
-/// A primitive, or the part of one that lies in a cell: the box around it, and which one it is.
+/// The box around a primitive, or around a primitive clipped to a cell, and the slot of the primitive.
 ///
-/// The fourth component of `low` carries the number, so that one primitive is two aligned vectors and never straddles
-/// a cache line. The fourth component of `high` is not used.
+/// The fourth component of `low` holds the slot, so that a primitive is two aligned vectors and never straddles a cache
+/// line. The fourth component of `high` is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub(crate) struct Prim {
@@ -17,17 +17,17 @@ pub(crate) struct Prim {
 
 const _: () = assert!(size_of::<Prim>() == 32, "two primitives to a cache line");
 
-/// Set in the number's bits, so that as a float it is never denormal: arithmetic on whole vectors would slow down.
+/// A bit added to the slot, so that the slot read as a float is never denormal: denormals slow down vector arithmetic.
 const NOT_DENORMAL: u32 = 1 << 30;
 
 impl Prim {
-    /// To fill memory with before it is written.
+    /// An initial value for memory that is written later.
     pub(crate) const NONE: Self = Self {
         low: [0.0; 4],
         high: [0.0; 4],
     };
 
-    /// Memory for so many.
+    /// Memory for `count` primitives.
     pub(crate) fn room_for(count: usize) -> Vec<Self> {
         bytemuck::zeroed_vec(count)
     }
@@ -40,31 +40,31 @@ impl Prim {
         }
     }
 
-    /// Which one: its number in the source.
+    /// The slot of the primitive: its number in the source.
     #[inline]
     pub(crate) fn slot(&self) -> u32 {
         self.low[3].to_bits() & !NOT_DENORMAL
     }
 
-    /// Where it starts along an axis.
+    /// The lower end of the box along an axis.
     #[inline]
     pub(crate) fn start(&self, axis: Axis) -> f32 {
         self.low[axis.index()]
     }
 
-    /// Where it ends along an axis.
+    /// The upper end of the box along an axis.
     #[inline]
     pub(crate) fn end(&self, axis: Axis) -> f32 {
         self.high[axis.index()]
     }
 
-    /// Starts along all axes and something else, then ends and something else.
+    /// The starts along all axes and one unspecified number, then the ends and one unspecified number.
     #[inline]
     pub(crate) fn ends(&self) -> &[f32; 8] {
         bytemuck::cast_ref(self)
     }
 
-    /// The box around the part.
+    /// The box.
     #[inline]
     pub(crate) fn bounds(&self) -> Aabb {
         Aabb {
@@ -73,20 +73,20 @@ impl Prim {
         }
     }
 
-    /// All starts, with something in the fourth component.
+    /// The starts along all axes; the fourth component is unspecified.
     #[inline]
     pub(crate) fn low(&self) -> Vec4 {
         Vec4::from_array(self.low)
     }
 
-    /// All ends, with something in the fourth component.
+    /// The ends along all axes; the fourth component is unspecified.
     #[inline]
     pub(crate) fn high(&self) -> Vec4 {
         Vec4::from_array(self.high)
     }
 }
 
-/// The box around primitives, while it grows.
+/// A box that grows to contain primitives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Around {
     low: Vec4,
@@ -99,7 +99,7 @@ impl Around {
         high: Vec4::NEG_INFINITY,
     };
 
-    /// A box that has grown already.
+    /// A growing box that starts as `bounds`.
     pub(crate) fn of(bounds: &Aabb) -> Self {
         Self {
             low: bounds.min.extend(0.0),
@@ -113,7 +113,7 @@ impl Around {
         self.high = self.high.max(prim.high());
     }
 
-    /// The box around both.
+    /// The union of both boxes.
     pub(crate) fn and(&self, other: &Self) -> Self {
         Self {
             low: self.low.min(other.low),
@@ -121,7 +121,7 @@ impl Around {
         }
     }
 
-    /// [`Aabb::EMPTY`] if nothing was added.
+    /// The box; [`Aabb::EMPTY`] if no primitive was added.
     pub(crate) fn bounds(&self) -> Aabb {
         Aabb {
             min: self.low.truncate(),
@@ -130,12 +130,12 @@ impl Around {
     }
 }
 
-/// What tests of other modules look at.
+/// Primitives for the tests of other modules.
 #[cfg(test)]
 pub(crate) mod samples {
     use super::*;
 
-    /// Boxes at whole numbers, of as many halves a side, and the box around them.
+    /// Boxes with integer corners and sizes in halves, and the box around all of them.
     pub(crate) fn boxes(corners_and_sizes: &[([i8; 3], [i8; 3])]) -> (Vec<Prim>, Aabb) {
         let prim = |(slot, (min, size)): (u32, &([i8; 3], [i8; 3]))| {
             let [min, size] = [*min, *size].map(|v| glam::Vec3::from_array(v.map(f32::from)));
@@ -156,13 +156,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_of_30_bits_survive() {
+    fn slots_of_30_bits_are_stored_exactly() {
         let bounds = Aabb::around([Vec3::NEG_ONE, Vec3::ONE]);
         for slot in [0, 1, 12_345, 0x3f80_0000, (1 << 30) - 1] {
             let prim = Prim::new(slot, &bounds);
             assert_eq!((prim.slot(), prim.bounds()), (slot, bounds), "{slot}");
             let copy = prim;
-            assert_eq!(copy.slot(), slot, "moved, even where it looks like NaN");
+            assert_eq!(
+                copy.slot(),
+                slot,
+                "copied, also if the bits are those of a NaN"
+            );
         }
     }
 }

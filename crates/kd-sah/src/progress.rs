@@ -1,35 +1,37 @@
-//! How far a build is, and whether it should go on.
+//! Progress and cancellation of a build.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::options::BuildError;
 
-/// Called now and then during a build with the part of it that is done, from 0 to 1; breaks to end the build.
+/// A callback that receives the finished fraction of a build, from 0 to 1, up to 256 times per build. It returns
+/// [`ControlFlow::Break`] to cancel the build.
 ///
-/// It may be called from any of the building threads, from several at once, and out of order by a little.
+/// Any building thread may call it. Calls may overlap, and fractions may arrive slightly out of order.
 pub type Watch<'a> = dyn Fn(f32) -> ControlFlow<()> + Sync + 'a;
 
-/// A part of the whole work: 2⁴⁸ is all of it. Parts of a part add up to it exactly.
+/// A share of the work of a build; 2⁴⁸ is the whole work. Dividing a share gives two shares with exactly the same sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Share(u64);
 
-/// The watch is called once for each of so many equal parts.
+/// The greatest number of calls of a watch: one for each of 256 equal shares of the work.
 const CALLS: u64 = 256;
 
 impl Share {
     pub(crate) const ALL: Self = Self(1 << 48);
 
-    /// In proportion to how many primitives each part has: a leaf is as much work as its primitives.
+    /// Divides the share in proportion to the numbers of primitives of both children: the work of a leaf is its number of
+    /// primitives.
     pub(crate) fn divide(self, [lower, upper]: [usize; 2]) -> [Self; 2] {
-        let (part, whole) = (lower as u64, (lower as u64 + upper as u64).max(1));
-        let lower = u128::from(self.0) * u128::from(part) / u128::from(whole);
-        let lower = u64::try_from(lower).expect("no more than the whole");
+        let (count, total) = (lower as u64, (lower as u64 + upper as u64).max(1));
+        let lower = u128::from(self.0) * u128::from(count) / u128::from(total);
+        let lower = u64::try_from(lower).expect("at most the whole share");
         [Self(lower), Self(self.0 - lower)]
     }
 }
 
-/// A watch, if there is one, and how far the build has come.
+/// The progress of a build, and its watch, if any.
 pub(crate) struct Watched<'a> {
     watch: Option<&'a Watch<'a>>,
     done: AtomicU64,
@@ -45,22 +47,22 @@ impl<'a> Watched<'a> {
         }
     }
 
-    /// Takes note of finished work. Fails once the watch has broken, on every thread.
+    /// Adds finished work. Fails on every thread once the watch has cancelled the build.
     #[inline]
     pub(crate) fn done(&self, share: Share) -> Result<(), BuildError> {
         match self.watch {
-            Some(watch) => self.tell(watch, share),
+            Some(watch) => self.report(watch, share),
             None => Ok(()),
         }
     }
 
-    fn tell(&self, watch: &Watch<'_>, share: Share) -> Result<(), BuildError> {
-        const PART: u64 = Share::ALL.0 / CALLS;
+    fn report(&self, watch: &Watch<'_>, share: Share) -> Result<(), BuildError> {
+        const STEP: u64 = Share::ALL.0 / CALLS;
         let before = self.done.fetch_add(share.0, Ordering::Relaxed);
         let now = before + share.0;
-        if before / PART < now / PART {
-            let part = (now / PART) as f32 / CALLS as f32;
-            if watch(part).is_break() {
+        if before / STEP < now / STEP {
+            let fraction = (now / STEP) as f32 / CALLS as f32;
+            if watch(fraction).is_break() {
                 self.is_cancelled.store(true, Ordering::Relaxed);
             }
         }
@@ -76,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_add_up() {
+    fn divided_shares_add_up() {
         let whole = Share(1001);
         for counts in [[0, 0], [3, 0], [1, 2], [usize::MAX / 2, 1]] {
             let [lower, upper] = whole.divide(counts);

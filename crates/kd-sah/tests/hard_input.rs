@@ -1,4 +1,4 @@
-//! Input that has hung, crashed or exhausted other builders: bounded time and memory, and nothing lost.
+//! Input on which other builders hang, crash or run out of memory: time and memory are bounded, and trees cover the mesh.
 
 mod common;
 
@@ -21,31 +21,31 @@ const METHODS: [Method; 9] = [
     },
 ];
 
-/// Every preset and every method; `best` is the one by [`Method::Exact`].
+/// All presets and methods. `best` is the row of [`Method::Exact`].
 fn builders() -> Vec<BuildOptions> {
     let methods = METHODS.map(|method| BuildOptions::best().with_method(method));
     let presets = [BuildOptions::fast(), BuildOptions::balanced()];
     presets.into_iter().chain(methods).collect()
 }
 
-/// A builder that compares every candidate with every primitive: a few hundred of them is its measure.
+/// Whether a builder compares every candidate with every primitive; it gets a few hundred primitives only.
 fn is_quadratic(options: &BuildOptions) -> bool {
     *options == options.clone().with_method(Method::Naive)
 }
 
-/// A builder that divides whatever that costs, until depth or references run out.
+/// Whether a builder ignores costs, and divides until the limit of depth or references is reached.
 fn is_median(options: &BuildOptions) -> bool {
     *options == options.clone().with_method(Method::Median)
 }
 
-/// A builder that sorts events: six a primitive, which takes seconds for millions of them.
+/// Whether a builder sorts events: six per primitive, which takes seconds for millions of primitives.
 fn is_sorting(options: &BuildOptions) -> bool {
     [Method::Resort, Method::Sweep]
         .into_iter()
         .any(|method| *options == options.clone().with_method(method))
 }
 
-/// Builds, and holds the tree to what is promised of each: depth, references, nothing missing.
+/// Builds a tree, and checks its depth, its number of references and its coverage.
 #[track_caller]
 fn built(mesh: &Mesh, options: &BuildOptions) -> Tree {
     let tree = build(mesh, options).expect("a mesh has a tree");
@@ -53,15 +53,15 @@ fn built(mesh: &Mesh, options: &BuildOptions) -> Tree {
     let references = tree.stats().references;
     assert!(
         references <= 64 * mesh.len(),
-        "{options:?}: {references} for {}",
+        "{options:?}: {references} references for {} triangles",
         mesh.len()
     );
-    tree.check_coverage(mesh).expect("nothing is missing");
+    tree.check_coverage(mesh).expect("the tree covers the mesh");
     tree
 }
 
 #[test]
-fn nothing_gives_one_empty_leaf() {
+fn an_empty_mesh_gives_one_empty_leaf() {
     for options in builders() {
         let stats = built(&soup(&[]), &options).stats();
         assert_eq!((stats.nodes, stats.empty_leaves), (1, 1), "{options:?}");
@@ -69,7 +69,7 @@ fn nothing_gives_one_empty_leaf() {
 }
 
 #[test]
-fn one_triangle_of_any_kind() {
+fn one_triangle_of_any_shape_is_kept() {
     let point = [[1.0, 2.0, 3.0]; 3];
     let line = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]];
     let flat = [[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 1.0, 5.0]];
@@ -87,12 +87,12 @@ fn one_triangle_of_any_kind() {
     }
 }
 
-/// As [`soup`] of so many copies, without copies of the corners.
+/// A mesh of `count` copies of a triangle, which share their corners.
 fn copies(triangle: [[f32; 3]; 3], count: usize) -> Mesh {
     Mesh::new(triangle.into(), vec![[0, 1, 2]; count]).expect("valid")
 }
 
-/// A plane can separate no two of them, so they stay one leaf, and every search ends at the root.
+/// Checks that copies of a triangle give one leaf: no plane separates two of them.
 #[track_caller]
 fn check_one_leaf(triangle: [[f32; 3]; 3], count: usize, is_meant: impl Fn(&BuildOptions) -> bool) {
     let mesh = copies(triangle, count);
@@ -106,7 +106,7 @@ fn check_one_leaf(triangle: [[f32; 3]; 3], count: usize, is_meant: impl Fn(&Buil
     }
 }
 
-/// The builders that sort events stop here: ten times as many take them more than seconds.
+/// Builders that sort events get a tenth of the triangles: ten million take them longer than seconds.
 #[test]
 fn a_million_identical_triangles_are_one_leaf() {
     check_one_leaf(TILTED, 1_000_000, is_sorting);
@@ -120,11 +120,11 @@ fn ten_million_identical_triangles_are_one_leaf() {
 }
 
 #[test]
-fn ten_thousand_identical_triangles_are_one_leaf_in_quadratic_time_too() {
+fn ten_thousand_identical_triangles_are_one_leaf_for_quadratic_builders() {
     check_one_leaf(TILTED, 10_000, is_quadratic);
 }
 
-/// The median builder divides them all the same, unless there are no references for it.
+/// The median builder divides identical triangles until it reaches the limit of references.
 #[test]
 fn ten_million_identical_triangles_stay_within_the_limit_of_references() {
     let mesh = copies(TILTED, 10_000_000);
@@ -134,12 +134,12 @@ fn ten_million_identical_triangles_stay_within_the_limit_of_references() {
     let stats = build(&mesh, &median).expect("a tree").stats();
     let allowed = 10_000_001..=25_000_000;
     assert!(allowed.contains(&stats.references), "{stats}");
-    assert!(stats.limited_cells > 0, "and says so: {stats}");
+    assert!(stats.limited_cells > 0, "limited cells: {stats}");
 }
 
-/// The median builder does not ask what a plane is worth; only the limit of references stops it.
+/// The median builder ignores costs; only the limit of references stops it.
 #[test]
-fn identical_triangles_do_not_multiply_without_end() {
+fn references_to_identical_triangles_are_limited() {
     let mesh = soup(&vec![TILTED; 20_000]);
     let median = BuildOptions::best().with_method(Method::Median);
     for (max_refs, options) in [
@@ -147,7 +147,10 @@ fn identical_triangles_do_not_multiply_without_end() {
         (60_000, median.with_max_refs(60_000)),
     ] {
         let references = build(&mesh, &options).expect("a tree").stats().references;
-        assert!(references <= max_refs, "{references} of at most {max_refs}");
+        assert!(
+            references <= max_refs,
+            "{references} references, at most {max_refs} allowed"
+        );
     }
 }
 
@@ -160,7 +163,7 @@ fn a_million_points_in_one_place_are_one_leaf() {
     });
 }
 
-/// Builders that divide by centroids never end here.
+/// Builders that divide by centroids do not terminate on this input.
 #[test]
 fn concentric_triangles_are_bounded() {
     let around_zero = |i: u16| {
@@ -178,28 +181,25 @@ fn concentric_triangles_are_bounded() {
         let mesh = if is_quadratic(&options) { &few } else { &many };
         divided += usize::from(built(mesh, &options).stats().leaves > 1);
     }
-    assert!(divided > 0, "no builder has tried");
+    assert!(divided > 0, "no builder divides the mesh");
 }
 
 #[test]
-fn everything_in_one_plane_is_divided_within_it() {
+fn coplanar_triangles_are_divided_within_their_plane() {
     let cell = |x: f32, y: f32| [[x, y, 7.0], [x + 1.0, y, 7.0], [x, y + 1.0, 7.0]];
     let triangles: Vec<_> = (0_u8..20)
         .flat_map(|x| (0_u8..20).map(move |y| cell(f32::from(x), f32::from(y))))
         .collect();
     let mesh = soup(&triangles);
     for options in builders() {
-        // Without blocks of triangles, for which eight of them would be few enough.
+        // A model with blocks of eight triangles would stop earlier.
         let options = options.with_cost(CostModel::CLASSIC);
         let stats = built(&mesh, &options).stats();
-        assert!(
-            stats.leaves > 50,
-            "{options:?} divides along the plane: {stats}"
-        );
+        assert!(stats.leaves > 50, "{options:?}: too few leaves: {stats}");
     }
 }
 
-/// Slivers across the whole box, each straddling nearly every plane.
+/// Slivers across the whole box, each of which straddles nearly every plane.
 #[test]
 fn slivers_stay_within_the_limit_of_references() {
     let slivers = |count: u16| {
@@ -223,18 +223,18 @@ fn slivers_stay_within_the_limit_of_references() {
             let references = tree.stats().references as u64;
             assert!(
                 references <= max_refs.max(count),
-                "{options:?}: {references} of at most {max_refs}"
+                "{options:?}: {references} references, at most {max_refs} allowed"
             );
         }
     }
 }
 
-fn part_of_box(shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
-    let part = shape.intersection(cell);
-    (!part.is_empty()).then_some(part)
+fn clipped_box(shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
+    let clipped = shape.intersection(cell);
+    (!clipped.is_empty()).then_some(clipped)
 }
 
-/// Small boxes in a lattice of 256 places a side; none of them is stored.
+/// Small boxes on a lattice of 256 points per side, computed on demand.
 struct Lattice {
     count: u32,
 }
@@ -257,14 +257,14 @@ impl PrimSource for Lattice {
     }
 
     fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
-        part_of_box(shape, cell)
+        clipped_box(shape, cell)
     }
 }
 
-/// Sixteen million, cut once: each pass over all of them runs, by bins and exactly, and their number fits wherever it
-/// goes. Deeper down there is nothing that smaller meshes do not have. (By the presets only: each build takes seconds.)
+/// Sixteen million primitives, divided once: every pass over all primitives runs, binned and exact, and no counter
+/// overflows. Lower levels are covered by smaller meshes. (Only the presets run, since each build takes seconds.)
 #[test]
-fn sixteen_million_primitives_are_a_tree() {
+fn sixteen_million_primitives_can_be_divided() {
     let source = Lattice { count: 1 << 24 };
     for options in [
         BuildOptions::fast(),
@@ -274,7 +274,7 @@ fn sixteen_million_primitives_are_a_tree() {
         let options = options.with_max_depth(1);
         let stats = build(&source, &options).expect("a tree").stats();
         assert_eq!((stats.leaves, stats.depth), (2, 1), "{options:?}: {stats}");
-        // Boxes are smaller than their distance: at most one layer of them straddles the plane.
+        // Boxes are smaller than their distance, so at most one layer of boxes straddles the plane.
         let references = 1 << 24..=(1 << 24) + (1 << 16);
         assert!(
             references.contains(&stats.references),
@@ -284,7 +284,7 @@ fn sixteen_million_primitives_are_a_tree() {
 }
 
 #[test]
-fn too_many_primitives_are_refused_before_anything_is_allocated() {
+fn too_many_primitives_are_refused_before_allocation() {
     let source = Lattice { count: u32::MAX };
     for options in builders() {
         let error = build(&source, &options).err();
@@ -306,10 +306,10 @@ fn too_many_threads_are_refused() {
     );
 }
 
-/// A source need not be a mesh, and may lie.
-struct Boxes(Vec<Aabb>);
+/// A source of boxes, which may be invalid.
+struct BoxSource(Vec<Aabb>);
 
-impl PrimSource for Boxes {
+impl PrimSource for BoxSource {
     type Shape = Aabb;
 
     fn count(&self) -> u32 {
@@ -325,31 +325,27 @@ impl PrimSource for Boxes {
     }
 
     fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
-        part_of_box(shape, cell)
+        clipped_box(shape, cell)
     }
 }
 
 #[test]
-fn sources_are_checked() {
+fn sources_with_invalid_boxes_are_refused() {
     let good = Aabb::around([[0.0; 3].into(), [1.0; 3].into()]);
     let row = (0_u8..8).map(|i| Aabb {
         min: good.min + 3.0 * f32::from(i),
         max: good.max + 3.0 * f32::from(i),
     });
-    let one_by_one = BuildOptions::best().with_cost(CostModel::CLASSIC);
-    let tree = build(&Boxes(row.collect()), &one_by_one).expect("eight boxes");
-    assert_eq!(
-        tree.stats().references,
-        8,
-        "each in its own leaf or beside its neighbour"
-    );
-    assert!(tree.stats().leaves > 4, "told apart");
+    let classic = BuildOptions::best().with_cost(CostModel::CLASSIC);
+    let tree = build(&BoxSource(row.collect()), &classic).expect("eight boxes");
+    assert_eq!(tree.stats().references, 8, "one reference per box");
+    assert!(tree.stats().leaves > 4, "planes separate the boxes");
     let mut infinite = good;
     infinite.max.y = f32::INFINITY;
-    let mut not_a_number = good;
-    not_a_number.min.x = f32::NAN;
-    for bad in [Aabb::EMPTY, infinite, not_a_number] {
-        let error = build(&Boxes(vec![good, bad]), &BuildOptions::best()).err();
+    let mut with_nan = good;
+    with_nan.min.x = f32::NAN;
+    for bad in [Aabb::EMPTY, infinite, with_nan] {
+        let error = build(&BoxSource(vec![good, bad]), &BuildOptions::best()).err();
         assert_eq!(
             error,
             Some(BuildError::NotFinite { primitive: 1 }),

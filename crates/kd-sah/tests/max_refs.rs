@@ -1,4 +1,4 @@
-//! The limit of references: kept, told, the same at any thread count, and nothing is lost to it.
+//! The limit of references: trees stay within it, report it, cover the mesh, and do not depend on the number of threads.
 
 use kd_core::{Mesh, Tree};
 use kd_sah::{BuildOptions, Method, build};
@@ -21,12 +21,15 @@ fn scenes() -> [(&'static str, Mesh); 3] {
     [(Spd::Teapot, 6), (Spd::Gears, 2), (Spd::Jacks, 2)].map(|(scene, size)| {
         let mesh = scene.generate(size).expect("a small size").mesh;
         let (name, count) = (scene.name(), mesh.len());
-        assert!(count > 2_000, "{name}: enough for two tasks: {count}");
+        assert!(
+            count > 2_000,
+            "{name}: {count} triangles are too few for two tasks"
+        );
         (name, mesh)
     })
 }
 
-/// Builds within a limit on any number of threads.
+/// Builds with a limit on 1, 2 and 5 threads, and checks the tree.
 #[track_caller]
 fn check(mesh: &Mesh, options: &BuildOptions, max_refs: u64, what: &str) -> Tree {
     let options = options.clone().with_max_refs(max_refs);
@@ -35,7 +38,7 @@ fn check(mesh: &Mesh, options: &BuildOptions, max_refs: u64, what: &str) -> Tree
     let references = tree.stats().references as u64;
     assert!(
         references <= max_refs.max(mesh.len() as u64),
-        "{what}: {references} of at most {max_refs}"
+        "{what}: {references} references, at most {max_refs} allowed"
     );
     tree.check_coverage(mesh).expect(what);
     for threads in [2, 5] {
@@ -54,24 +57,29 @@ fn check(mesh: &Mesh, options: &BuildOptions, max_refs: u64, what: &str) -> Tree
 }
 
 #[test]
-fn a_limit_is_kept_and_told() {
+fn trees_stay_within_the_limit_and_report_it() {
     for (name, mesh) in scenes() {
         for options in builders() {
             let what = |limit: &str| format!("{name}, limit {limit}, {options:?}");
             let free = check(&mesh, &options, u64::MAX, &what("none"));
-            // 64 for each primitive are plenty, except where sampling does not see that a plane separates nothing (gears).
+            // The default limit of 64 per primitive is reached only where sampling misses that a plane separates nothing
+            // (gears).
             let by_default = build(&mesh, &options).expect("a tree");
             assert_eq!(
                 free.nodes() == by_default.nodes(),
                 by_default.limited_cells() == 0,
-                "{}: as by default, unless that says otherwise",
+                "{}: the default tree, unless the default limit was reached",
                 what("none")
             );
             assert_eq!(free.limited_cells(), 0, "{}", what("none"));
             let needed = free.stats().references as u64;
             let count = mesh.len() as u64;
-            assert!(needed > count, "{}: something to limit", what("none"));
-            // None but one each; half of what is wanted beyond that.
+            assert!(
+                needed > count,
+                "{}: no more references than triangles",
+                what("none")
+            );
+            // Limits of 0 and `count` both leave one reference per triangle; the third allows half of the others.
             for limit in [0, count, u64::midpoint(count, needed)] {
                 let what = what(&limit.to_string());
                 let stats = check(&mesh, &options, limit, &what).stats();
@@ -86,11 +94,11 @@ fn a_limit_is_kept_and_told() {
     }
 }
 
-/// With one reference each, planes that straddle nothing are all there is, and they are used.
+/// With one reference per triangle, only planes that no triangle straddles are possible, and the builders use them.
 #[test]
-fn refinement_goes_on_where_it_costs_no_reference() {
+fn refinement_continues_where_it_needs_no_references() {
     for options in builders() {
-        // Twelve groups along a line, well apart.
+        // Twelve separate groups along a line.
         let group = |at: f32| {
             let corner = move |x: f32, y: f32| [10.0 * at + x, y, x * y];
             (0_u8..40)

@@ -1,4 +1,4 @@
-//! The slow builders are the oracle of the fast one, and thread counts do not show.
+//! Exact builders give the same tree, and trees do not depend on the number of threads.
 
 mod common;
 
@@ -7,7 +7,7 @@ use kd_sah::{BuildOptions, Method, build};
 use kd_scene::Spd;
 use proptest::prelude::*;
 
-/// Whether two trees are equal byte for byte; says where they first differ.
+/// Asserts that two trees are equal bit for bit, and reports the first difference.
 #[track_caller]
 fn assert_same(a: &Tree, b: &Tree, what: &str) {
     let differs = a.nodes().iter().zip(b.nodes()).position(|(a, b)| a != b);
@@ -30,11 +30,13 @@ fn check_same_tree(mesh: &Mesh, options: &BuildOptions) -> Tree {
     assert_same(&naive, &by(Method::Resort), "naive and resort");
     assert_same(&naive, &by(Method::Sweep), "naive and sweep");
     assert_same(&naive, &by(Method::Exact), "naive and exact");
-    naive.check_coverage(mesh).expect("nothing is missing");
+    naive
+        .check_coverage(mesh)
+        .expect("the tree covers the mesh");
     naive
 }
 
-/// Every kind of option that decides about planes or leaves.
+/// A row for each option that affects planes or leaves.
 fn option_rows() -> Vec<BuildOptions> {
     let packed = CostModel {
         traverse: 1.0,
@@ -86,23 +88,26 @@ fn slow_and_fast_builders_agree_on_scenes() {
         let longest = check_same_tree(&mesh, &longest);
         for tree in [&best, &longest] {
             let depth = tree.depth();
-            assert!(depth > 6, "{name}: a tree worth comparing, depth {depth}");
+            assert!(depth > 6, "{name}: depth {depth} is too small to compare");
         }
         differing += usize::from(best.nodes() != longest.nodes());
     }
-    // Not where all cells are cubes, as in `tetra`.
-    assert!(differing >= 3, "the option shows in {differing} scenes");
+    // The trees do not differ where all cells are cubes, as in `tetra`.
+    assert!(
+        differing >= 3,
+        "the longest axis gives another tree in only {differing} scenes"
+    );
 }
 
 #[test]
-fn thread_counts_do_not_show() {
+fn trees_do_not_depend_on_the_number_of_threads() {
     let mesh = Spd::Lattice.generate(4).expect("a small size").mesh;
     assert!(
         mesh.len() > 20_000,
-        "large enough for tasks: {}",
+        "{} triangles are too few for several tasks",
         mesh.len()
     );
-    let half_as_many_again = BuildOptions::best().with_max_refs(3 * mesh.len() as u64 / 2);
+    let limited_refs = BuildOptions::best().with_max_refs(3 * mesh.len() as u64 / 2);
     let methods = [
         Method::Median,
         Method::Sweep,
@@ -115,7 +120,7 @@ fn thread_counts_do_not_show() {
         },
     ]
     .map(|method| BuildOptions::fast().with_method(method));
-    // A top of medians above each preset.
+    // Levels of median splits above each preset.
     let with_median_levels = [
         BuildOptions::fast().with_median_levels(1),
         BuildOptions::balanced().with_median_levels(3),
@@ -123,7 +128,7 @@ fn thread_counts_do_not_show() {
     ];
     for options in option_rows()
         .into_iter()
-        .chain([half_as_many_again])
+        .chain([limited_refs])
         .chain(methods)
         .chain(with_median_levels)
     {
@@ -144,12 +149,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn slow_and_fast_builders_agree_on_nasty_meshes(mesh in common::mesh(60), row in 0..option_rows().len()) {
+    fn slow_and_fast_builders_agree_on_degenerate_meshes(mesh in common::mesh(60), row in 0..option_rows().len()) {
         check_same_tree(&mesh, &option_rows()[row]);
     }
 
     #[test]
-    fn builders_that_guess_lose_nothing(mesh in common::mesh(150), small_leaf in 0_u32..4, method in 0_usize..4) {
+    fn approximate_builders_cover_the_mesh(mesh in common::mesh(150), small_leaf in 0_u32..4, method in 0_usize..4) {
         let methods = [
             Method::Median,
             Method::Binned { bins: 7 },

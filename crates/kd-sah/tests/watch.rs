@@ -1,4 +1,4 @@
-//! Long builds say how far they are, and end when they are told to.
+//! Builds report their progress, and end when the watch cancels them.
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
@@ -7,8 +7,8 @@ use kd_core::Mesh;
 use kd_sah::{BuildError, BuildOptions, Method, build, build_watched};
 use kd_scene::Spd;
 
-/// The most calls of a watch, as documented.
-const MOST_CALLS: usize = 256;
+/// The documented limit of calls of a watch.
+const MAX_CALLS: usize = 256;
 
 fn builders() -> Vec<BuildOptions> {
     let by = |method| BuildOptions::best().with_method(method);
@@ -27,78 +27,86 @@ fn builders() -> Vec<BuildOptions> {
 
 fn scene() -> Mesh {
     let mesh = Spd::Gears.generate(2).expect("a small size").mesh;
-    assert!(mesh.len() > 4_000, "enough to do: {}", mesh.len());
+    assert!(mesh.len() > 4_000, "{} triangles are too few", mesh.len());
     mesh
 }
 
-/// What a watch was told, which broke at the call of that number, and what became of the build.
+/// Builds with a watch that cancels at call number `break_at`. Returns the fractions that the watch received, and the error
+/// of the build.
 #[track_caller]
-fn told(
+fn watched(
     mesh: &Mesh,
     options: &BuildOptions,
     break_at: Option<usize>,
 ) -> (Vec<f32>, Option<BuildError>) {
-    let told = Mutex::new(Vec::new());
+    let calls = Mutex::new(Vec::new());
     let built = build_watched(mesh, options, &|done| {
-        let mut told = told.lock().expect("no watch panics");
-        told.push(done);
-        if Some(told.len()) == break_at {
+        let mut calls = calls.lock().expect("no watch panics");
+        calls.push(done);
+        if Some(calls.len()) == break_at {
             ControlFlow::Break(())
         } else {
             ControlFlow::Continue(())
         }
     });
-    let told = told.into_inner().expect("no watch panics");
+    let calls = calls.into_inner().expect("no watch panics");
     assert!(
-        told.len() <= MOST_CALLS,
+        calls.len() <= MAX_CALLS,
         "{options:?}: {} calls",
-        told.len()
+        calls.len()
     );
     assert!(
-        told.iter().all(|done| (0.0..=1.0).contains(done)),
-        "{options:?}: {told:?}"
+        calls.iter().all(|done| (0.0..=1.0).contains(done)),
+        "{options:?}: {calls:?}"
     );
     if let Ok(tree) = &built {
         let unwatched = build(mesh, options).expect("valid options");
         assert!(
             tree.nodes() == unwatched.nodes() && tree.refs() == unwatched.refs(),
-            "{options:?}: the same tree, watched or not"
+            "{options:?}: the watched build gives another tree"
         );
     }
-    (told, built.err())
+    (calls, built.err())
 }
 
 #[test]
-fn on_one_thread_progress_only_grows_and_ends_at_one() {
+fn on_one_thread_progress_increases_and_ends_at_one() {
     let mesh = scene();
     for options in builders() {
-        let (told, error) = told(&mesh, &options.clone().with_threads(1), None);
+        let (calls, error) = watched(&mesh, &options.clone().with_threads(1), None);
         assert_eq!(error, None, "{options:?}");
-        assert!(told.is_sorted(), "{options:?}: {told:?}");
-        assert_eq!(told.last(), Some(&1.0), "{options:?}: done at the end");
+        assert!(calls.is_sorted(), "{options:?}: {calls:?}");
+        assert_eq!(calls.last(), Some(&1.0), "{options:?}: the last fraction");
     }
 }
 
 #[test]
-fn several_threads_tell_the_same_parts_in_any_order() {
+fn on_several_threads_progress_ends_at_one() {
     let mesh = scene();
-    let (mut alone, _) = told(&mesh, &BuildOptions::best().with_threads(1), None);
-    assert!(alone.len() > MOST_CALLS / 2, "few jumps: {}", alone.len());
+    let (mut one_thread, _) = watched(&mesh, &BuildOptions::best().with_threads(1), None);
+    assert!(
+        one_thread.len() > MAX_CALLS / 2,
+        "only {} calls",
+        one_thread.len()
+    );
     for threads in [2, 4] {
         for options in builders() {
             let options = options.with_threads(threads);
-            let (mut told, error) = told(&mesh, &options, None);
+            let (mut calls, error) = watched(&mesh, &options, None);
             assert_eq!(error, None, "{options:?}");
-            told.sort_by(f32::total_cmp);
-            assert_eq!(told.last(), Some(&1.0), "{options:?}: done at the end");
+            calls.sort_by(f32::total_cmp);
+            assert_eq!(calls.last(), Some(&1.0), "{options:?}: the last fraction");
         }
     }
-    alone.dedup();
-    assert!(alone.len() > MOST_CALLS / 2, "no part is told twice");
+    one_thread.dedup();
+    assert!(
+        one_thread.len() > MAX_CALLS / 2,
+        "fractions are reported several times"
+    );
 }
 
 #[test]
-fn what_is_done_at_once_is_told_once() {
+fn tiny_builds_report_completion() {
     for triangles in [vec![], vec![[0, 1, 2]]] {
         let mesh = Mesh::new(
             vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]],
@@ -106,38 +114,38 @@ fn what_is_done_at_once_is_told_once() {
         )
         .expect("valid");
         for options in builders() {
-            let (told, error) = told(&mesh, &options, None);
+            let (calls, error) = watched(&mesh, &options, None);
             assert_eq!(error, None, "{options:?} {triangles:?}");
             assert_eq!(
-                told.last(),
+                calls.last(),
                 Some(&1.0),
-                "{options:?} {triangles:?}: {told:?}"
+                "{options:?} {triangles:?}: {calls:?}"
             );
         }
     }
 }
 
 #[test]
-fn a_watch_that_breaks_ends_the_build() {
+fn a_watch_that_breaks_cancels_the_build() {
     let mesh = scene();
     for threads in [1, 2] {
         for options in builders() {
             let options = options.with_threads(threads);
-            let (all, _) = told(&mesh, &options, None);
+            let (all, _) = watched(&mesh, &options, None);
             let mut breaks = vec![1, all.len().div_ceil(2)];
             if threads == 1 {
-                // Several threads may finish parts of the work together, and then tell of them in fewer calls.
+                // On several threads, shares that finish together are reported in fewer calls.
                 breaks.push(all.len());
             }
             for break_at in breaks {
-                let (told, error) = told(&mesh, &options, Some(break_at));
+                let (calls, error) = watched(&mesh, &options, Some(break_at));
                 assert_eq!(
                     error,
                     Some(BuildError::Cancelled),
                     "{options:?} at {break_at}"
                 );
                 if threads == 1 {
-                    assert_eq!(told.len(), break_at, "{options:?}: no call after it");
+                    assert_eq!(calls.len(), break_at, "{options:?}: calls after the break");
                 }
             }
         }

@@ -214,4 +214,3 @@ impl F64x8 for Array<f64> {
         self.0.map(|x| x as f32)
     }
 }
-

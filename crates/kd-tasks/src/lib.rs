@@ -1,13 +1,13 @@
-//! Several things at once, where threads are there. What comes out never depends on them.
+//! Parallel maps, joins and sorts. Results never depend on the number of threads.
 //!
-//! Builders do large parts of their work side by side. They ask for it here, and need not know whether there are threads:
-//! without the feature `parallel` (rayon, on by default) everything is done on the calling one, in turn.
+//! Builders run large parts of their work in parallel through this crate, so that they contain no conditional compilation.
+//! Without the feature `parallel` (rayon, on by default) every function runs sequentially on the calling thread.
 //!
 //! ```
 //! let squares = kd_tasks::with_threads(2, || kd_tasks::map(vec![1, 2, 3], true, |x| x * x))?;
 //! assert_eq!(squares, [1, 4, 9]);
 //!
-//! // Each thread has a list of its own, which it uses again.
+//! // Each thread has its own scratch list and reuses it for every item.
 //! let words = vec!["kd", "tree"];
 //! let sorted = kd_tasks::map_in_place(words, true, |letters: &mut Vec<char>, word| {
 //!     letters.clear();
@@ -19,15 +19,15 @@
 //! # Ok::<(), kd_tasks::ThreadsError>(())
 //! ```
 //!
-//! The threads are those of the pool in scope: one that [`with_threads`] has made, or rayon's, of as many as there are cores.
-//! A pool that has nothing to do sleeps, and takes about as long to wake as a small build takes. [`in_pool_of`] and [`in_pool`]
-//! wait for that once, and are for work that joins often; [`map_in_place`] begins without waiting.
+//! Work runs in the pool in scope: the one that [`with_threads`] started, or rayon's global pool with one thread per core.
+//! An idle pool sleeps, and waking it takes about as long as a small build. [`in_pool_of`] and [`in_pool`] pay for waking
+//! once and suit work that joins often; [`map_in_place`] starts on the calling thread without waiting.
 //!
-//! Where a function asks whether it `is_parallel`, `false` does the same on the calling thread.
+//! Functions with a parameter `is_parallel` do the same work sequentially on the calling thread if it is `false`.
 #![forbid(unsafe_code)]
 #![cfg_attr(
     not(feature = "parallel"),
-    allow(unused_variables, reason = "how many may work matters to rayon alone")
+    allow(unused_variables, reason = "only rayon needs the number of threads")
 )]
 
 #[cfg(feature = "parallel")]
@@ -37,17 +37,17 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use thiserror::Error;
 
-/// Threads that were asked for and could not be started.
+/// The requested number of threads could not be started.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("cannot start {threads} threads: {reason}")]
 pub struct ThreadsError {
-    /// How many were asked for.
+    /// The requested number of threads.
     pub threads: usize,
-    /// Why they are not there: mostly what the system said.
+    /// The cause: usually the error of the operating system.
     pub reason: String,
 }
 
-/// How many threads there are in scope.
+/// The number of threads of the pool in scope; 1 without the feature `parallel`.
 pub fn threads() -> usize {
     #[cfg(feature = "parallel")]
     {
@@ -59,17 +59,20 @@ pub fn threads() -> usize {
     }
 }
 
-/// Runs `work` with so many threads in scope; 0 means those that are there, 1 the calling one alone, if the work asks for no others.
-/// Without feature `parallel` it is always that.
+/// Runs `work` with a pool of `threads` threads in scope. 0 keeps the pool in scope. 1 runs `work` on the calling thread
+/// without starting a pool; functions that it calls must then be given `is_parallel = false`.
+///
+/// Starts and ends a pool, unless the pool in scope already has `threads` threads. Without the feature `parallel`, `work`
+/// runs on the calling thread for any number.
 ///
 /// # Errors
 ///
-/// If so many cannot be started.
+/// [`ThreadsError`] if the threads cannot be started, or if `threads` exceeds rayon's maximum.
 pub fn with_threads<R: Send>(
     threads: usize,
     work: impl FnOnce() -> R + Send,
 ) -> Result<R, ThreadsError> {
-    // Starting threads takes a good part of a small build, so those that are there are used where the number is right.
+    // Starting threads costs a large fraction of a small build, so a pool of the right size is reused.
     #[cfg(feature = "parallel")]
     if threads > 1 && threads != rayon::current_num_threads() {
         return Ok(pool(threads)?.install(work));
@@ -77,11 +80,11 @@ pub fn with_threads<R: Send>(
     Ok(work())
 }
 
-/// Runs work that joins in a pool of so many threads; 0 means the one in scope, 1 the calling thread.
+/// Runs `work`, which joins often, inside a pool of `threads` threads. 0 uses the pool in scope, 1 the calling thread.
 ///
 /// # Errors
 ///
-/// As [`with_threads`].
+/// Those of [`with_threads`].
 pub fn in_pool_of<R: Send>(
     threads: usize,
     work: impl FnOnce() -> R + Send,
@@ -89,20 +92,21 @@ pub fn in_pool_of<R: Send>(
     with_threads(threads, || in_pool(threads != 1, work))
 }
 
-/// So many new threads.
+/// A new pool of `threads` threads.
 #[cfg(feature = "parallel")]
 fn pool(threads: usize) -> Result<rayon::ThreadPool, ThreadsError> {
     let refused = |reason| ThreadsError { threads, reason };
     let most = rayon::max_num_threads();
-    // Rayon would start the most there can be.
+    // Rayon would silently start its maximum instead.
     if threads > most {
-        return Err(refused(format!("{most} are the most")));
+        return Err(refused(format!("the maximum is {most}")));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|error| refused(error.to_string()))
 }
 
-/// Runs work that joins, in the pool of threads if it `is_parallel`: it moves there once, so that joining does not have to.
+/// Runs `work`, which joins often, inside the pool in scope if `is_parallel`. The work moves into the pool once, so that
+/// its joins need not.
 pub fn in_pool<R: Send>(is_parallel: bool, work: impl FnOnce() -> R + Send) -> R {
     #[cfg(feature = "parallel")]
     if is_parallel {
@@ -111,7 +115,7 @@ pub fn in_pool<R: Send>(is_parallel: bool, work: impl FnOnce() -> R + Send) -> R
     work()
 }
 
-/// Runs both, possibly at the same time. The second is told whether another thread took it.
+/// Runs both closures, possibly at the same time, and returns both results. `b` receives whether another thread runs it.
 pub fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce(bool) -> B + Send,
@@ -139,7 +143,8 @@ pub fn join_if<A: Send, B: Send>(
     (a(), b())
 }
 
-/// What `work` makes of each item, in order. An item is a task: for few and large ones.
+/// Applies `work` to each item; results are in the order of the items. Each item is one task, so items should be few and
+/// large.
 pub fn map<T: Send, R: Send>(
     items: Vec<T>,
     is_parallel: bool,
@@ -152,13 +157,17 @@ pub fn map<T: Send, R: Send>(
     items.into_iter().map(work).collect()
 }
 
-/// What `work` makes of each item, in order. The calling thread works too, and begins at once, while others are still being
-/// woken; each thread mostly has one scratch, made by `S::default()`, that it uses for all of its items.
+/// Applies `work` to each item; results are in the order of the items. The calling thread takes items too, and starts
+/// while the other threads are still waking up.
 ///
-/// From outside the pool [`map`] waits until that is awake before anything is done. At the end this waits as well, even for a
-/// thread that comes when nothing is left to do.
+/// In general each thread makes one scratch by `S::default()` and reuses it for all of its items.
 ///
-/// If `work` panics, so does this, when no other thread works on it any more.
+/// Called from outside the pool, [`map`] starts only when the pool is awake; this function does not wait at the start. At
+/// the end it waits for every thread, including one that wakes when no item is left.
+///
+/// # Panics
+///
+/// If `work` panics, after all other threads have finished their items.
 pub fn map_in_place<T: Send, R: Send, S: Default>(
     items: Vec<T>,
     is_parallel: bool,
@@ -176,7 +185,7 @@ pub fn map_in_place<T: Send, R: Send, S: Default>(
     items.map(|item| work(&mut scratch, item)).collect()
 }
 
-/// [`map_in_place`] with so many threads beside the calling one.
+/// [`map_in_place`] on the calling thread and `helpers` others.
 #[cfg(feature = "parallel")]
 fn map_with_helpers<T: Send, R: Send, S: Default>(
     items: Vec<T>,
@@ -185,7 +194,7 @@ fn map_with_helpers<T: Send, R: Send, S: Default>(
 ) -> Vec<R> {
     let done = Mutex::new(Vec::with_capacity(items.len()));
     let queue = Mutex::new(items.into_iter().enumerate());
-    // Nobody works while holding a lock, so that what panics leaves none poisoned.
+    // No thread runs `work` while it holds a lock, so that a panic in `work` poisons none.
     let next = || {
         let mut queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
         queue.next()
@@ -193,13 +202,13 @@ fn map_with_helpers<T: Send, R: Send, S: Default>(
     let run = || {
         let mut scratch = S::default();
         let mut own = Vec::new();
-        while let Some((place, item)) = next() {
-            own.push((place, work(&mut scratch, item)));
+        while let Some((index, item)) = next() {
+            own.push((index, work(&mut scratch, item)));
         }
         let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
         done.append(&mut own);
     };
-    // Unlike `scope`, which waits for the pool to take what it is given, if the caller is outside.
+    // `scope` would wait for the pool to start the task if the caller is outside of the pool.
     rayon::in_place_scope(|scope| {
         for _ in 0..helpers {
             scope.spawn(|_| run());
@@ -207,11 +216,11 @@ fn map_with_helpers<T: Send, R: Send, S: Default>(
         run();
     });
     let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-    done.sort_unstable_by_key(|(place, _)| *place);
+    done.sort_unstable_by_key(|(index, _)| *index);
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// What `make` makes of 0, 1 … `count - 1`, in order. For many small things, of which a thread makes a thousand or more at a time.
+/// Applies `make` to 0, 1 … `count - 1`; results are in that order. Suits many small items: a task makes 1024 or more.
 pub fn collect<T: Send>(
     count: u32,
     is_parallel: bool,
@@ -219,15 +228,15 @@ pub fn collect<T: Send>(
 ) -> Vec<T> {
     #[cfg(feature = "parallel")]
     if is_parallel {
-        /// Some tens of microseconds, whatever is made.
-        const PIECE: usize = 1 << 10;
-        let all = (0..count).into_par_iter().with_min_len(PIECE);
+        /// Smallest number of items of a task, some tens of microseconds of work.
+        const ITEMS_PER_TASK: usize = 1 << 10;
+        let all = (0..count).into_par_iter().with_min_len(ITEMS_PER_TASK);
         return all.map(make).collect();
     }
     (0..count).map(make).collect()
 }
 
-/// Sorts what has no two equals, so that there is one outcome.
+/// Sorts items of which no two are equal, so that the sorted order is unique. The sort is unstable.
 pub fn sort<T: Ord + Send>(all: &mut [T], is_parallel: bool) {
     #[cfg(feature = "parallel")]
     if is_parallel {
@@ -243,8 +252,8 @@ mod tests {
 
     use super::*;
 
-    /// What every function makes, with so many threads.
-    fn made(threads: usize, is_parallel: bool) -> Vec<Vec<u32>> {
+    /// The results of every function, with `threads` threads in scope.
+    fn results(threads: usize, is_parallel: bool) -> Vec<Vec<u32>> {
         let work = || {
             let items: Vec<u32> = (0..100).collect();
             let mapped = map(items.clone(), is_parallel, |x| 3 * x);
@@ -268,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn results_are_in_order_whoever_works() {
+    fn results_do_not_depend_on_threads() {
         let expected: [Vec<u32>; 10] = [
             (0..100).map(|x| 3 * x).collect(),
             (0..100).map(|x: u32| x * x.saturating_sub(1) / 2).collect(),
@@ -283,26 +292,29 @@ mod tests {
         ];
         for threads in [0, 1, 2, 3, 8] {
             for is_parallel in [false, true] {
-                let made = made(threads, is_parallel);
-                assert_eq!(made, expected, "{threads} threads, parallel: {is_parallel}");
+                let results = results(threads, is_parallel);
+                assert_eq!(
+                    results, expected,
+                    "{threads} threads, parallel: {is_parallel}"
+                );
             }
         }
     }
 
     #[test]
-    fn nothing_is_made_of_nothing() {
+    fn empty_and_single_inputs_work() {
         for count in [0, 1] {
             let items = vec![7; count];
             assert_eq!(map(items.clone(), true, |x| x), items, "map");
             let in_place = map_in_place(items.clone(), true, |_: &mut (), x| x);
-            assert_eq!(in_place, items, "in place");
+            assert_eq!(in_place, items, "map_in_place");
         }
-        assert!(collect(0, true, |x| x).is_empty(), "collected");
+        assert!(collect(0, true, |x| x).is_empty(), "collect");
         sort::<u32>(&mut [], true);
     }
 
     #[test]
-    fn there_are_as_many_threads_as_asked_for() {
+    fn the_pool_has_the_requested_number_of_threads() {
         let in_scope = threads();
         let counted = |threads| with_threads(threads, super::threads).expect("a few threads");
         let available = |threads| {
@@ -312,19 +324,27 @@ mod tests {
                 1
             }
         };
-        for asked in [2, 3] {
-            assert_eq!(counted(asked), available(asked), "{asked} threads");
-            let nested = with_threads(asked, || counted(asked + 1)).expect("a few threads");
-            assert_eq!(nested, available(asked + 1), "the inner number counts");
+        for requested in [2, 3] {
+            assert_eq!(
+                counted(requested),
+                available(requested),
+                "{requested} threads"
+            );
+            let nested = with_threads(requested, || counted(requested + 1)).expect("a few threads");
+            assert_eq!(
+                nested,
+                available(requested + 1),
+                "the inner pool is in scope"
+            );
         }
-        assert_eq!(counted(0), in_scope, "those in scope");
+        assert_eq!(counted(0), in_scope, "0 keeps the pool in scope");
         let here = std::thread::current().id();
         let there = with_threads(1, || std::thread::current().id());
-        assert_eq!(there, Ok(here), "one is the calling one");
+        assert_eq!(there, Ok(here), "1 uses the calling thread");
     }
 
     #[test]
-    fn a_thread_has_one_scratch() {
+    fn each_thread_reuses_one_scratch() {
         static MADE: AtomicUsize = AtomicUsize::new(0);
         struct Scratch(usize);
         impl Default for Scratch {
@@ -340,13 +360,20 @@ mod tests {
             })
         };
         let alone: Vec<usize> = (1..=50).collect();
-        assert_eq!(use_of(false), alone, "one for all items");
-        assert_eq!(MADE.swap(0, Ordering::Relaxed), 1, "one thread");
+        assert_eq!(use_of(false), alone, "one scratch for all items");
+        assert_eq!(
+            MADE.swap(0, Ordering::Relaxed),
+            1,
+            "one thread, one scratch"
+        );
 
         let shared = with_threads(3, || use_of(true)).expect("three threads");
         let users = shared.iter().filter(|uses| **uses == 1).count();
         let made = MADE.load(Ordering::Relaxed);
-        assert!(users <= made && made <= 3, "{users} of {made} are used");
+        assert!(
+            users <= made && made <= 3,
+            "{users} scratches used, {made} made"
+        );
     }
 
     #[cfg(feature = "parallel")]
@@ -358,29 +385,29 @@ mod tests {
         use super::*;
 
         #[test]
-        fn wrong_numbers_of_threads_are_refused() {
+        fn too_many_threads_are_refused() {
             for threads in [rayon::max_num_threads() + 1, usize::MAX] {
                 let error = with_threads(threads, || ()).expect_err("far too many");
-                assert_eq!(error.threads, threads, "the number is told");
+                assert_eq!(error.threads, threads, "the error holds the number");
                 let message = format!("cannot start {threads} threads: {}", error.reason);
-                assert_eq!(error.to_string(), message, "the message tells why");
+                assert_eq!(error.to_string(), message, "the message gives the reason");
             }
         }
 
         #[test]
-        fn the_second_is_told_who_takes_it() {
+        fn join_reports_whether_another_thread_runs_the_second() {
             let both = Barrier::new(2);
             let wait = |is_taken| {
                 both.wait();
                 is_taken
             };
             let (_, is_taken) = with_threads(2, || join(|| wait(false), wait)).expect("two");
-            assert!(is_taken, "the first waits for the second");
+            assert!(is_taken, "both closures wait for each other on two threads");
         }
 
         #[test]
-        fn the_calling_thread_works_too() {
-            // From outside the pool. Two items wait for each other, if there are two threads, so that each has one.
+        fn the_calling_thread_takes_items() {
+            // Called from outside the pool. With two threads, two items wait for each other, so that each thread has one.
             let count = threads().min(2);
             let all = Barrier::new(count);
             let who = map_in_place(vec![(); count], true, |_: &mut (), ()| {
@@ -388,29 +415,31 @@ mod tests {
                 thread::current().id()
             });
             let own = who.iter().filter(|id| **id == thread::current().id());
-            assert_eq!(own.count(), 1, "one of {count}");
+            assert_eq!(own.count(), 1, "one item of {count} is its own");
         }
 
         #[test]
-        fn a_panic_is_passed_on_whoever_panics() {
+        fn a_panic_on_any_thread_reaches_the_caller() {
             for is_caller in [false, true] {
                 let outcome = catch_unwind(|| {
                     with_threads(2, || {
                         let caller = thread::current().id();
                         let both = Barrier::new(2);
                         map_in_place((0..10).collect(), true, |_: &mut (), item| {
-                            // Both threads have one of the first two.
+                            // Each thread has one of the first two items.
                             if item < 2 {
                                 both.wait();
                             }
                             let is_here = thread::current().id() == caller;
-                            assert_ne!(is_here, is_caller, "as it should be");
+                            assert_ne!(is_here, is_caller, "intended panic");
                         })
                     })
                 });
-                let why = outcome.expect_err("one of two has panicked");
-                let why = why.downcast::<String>().expect("of an assertion");
-                assert!(why.contains("as it should be"), "{why}");
+                let panic = outcome.expect_err("one of two threads has panicked");
+                let message = panic
+                    .downcast::<String>()
+                    .expect("the message of the assertion");
+                assert!(message.contains("intended panic"), "{message}");
             }
         }
     }

@@ -11,10 +11,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-sah", &["kd-core", "kd-simd", "kd-tasks"]),
     ("kd-merge", &["kd-core", "kd-sah", "kd-tasks"]),
     ("kd-wide", &["kd-core", "kd-simd", "kd-tasks"]),
-    (
-        "kd-trace",
-        &["kd-core", "kd-simd", "kd-tasks", "kd-wide"],
-    ),
+    ("kd-trace", &["kd-core", "kd-simd", "kd-tasks", "kd-wide"]),
     ("kd-grid", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-trace"]),

@@ -1,15 +1,15 @@
 //! SAH by bins (Shevtsov, Soupikov, Kapustin 2007, *Highly parallel fast KD-tree construction for interactive ray
 //! tracing of dynamic scenes*; Eleftheriades 2010 §2.4.2.1).
 //!
-//! Two counters a bin and axis, one touched where a primitive starts and one where it ends. A pass over the bins names
-//! the few that look best, and the plane is adjusted to where geometry really starts and ends: what lies in these bins
-//! is swept exactly. Planes that cut off empty space come from the box around the primitives, which is known anyway.
-//! (Without them and without clipped boxes, binning gives bad trees.)
+//! Each bin of an axis has two counters: one for starts of primitives and one for ends. A pass over the bins selects the
+//! most promising few. An exact sweep over the events in these bins then adjusts the plane to the ends of primitives.
+//! Planes that cut off empty space come from the box around the primitives, which is known already. (Without them and
+//! without clipped boxes, binning gives bad trees.)
 //!
-//! Where we differ: in buildings, where many primitives start and end in one plane, the cost dips between two boundaries
-//! that look bad, so a bin looks as good as the best plane that could be in it ([`promising`](crate::promising)), not as
-//! its boundaries. (The best boundary competes too.) And bins are cheap, as each primitive touches two however many there
-//! are, so large cells have more of them than small ones.
+//! Differences from the paper: in models of buildings many primitives start and end in one plane, so that the cost has a
+//! minimum between two boundaries of high cost. A bin is therefore ranked by the best plane that it could contain
+//! ([`promising`](crate::promising)), not by its boundaries. (The best boundary competes too.) Large cells have more bins
+//! than small ones, since the cost of counting does not depend on the number of bins: each primitive updates two.
 
 use super::Memoryless;
 use crate::bins::{self, Bins, Grid};
@@ -17,26 +17,27 @@ use crate::cell::Cell;
 use crate::plane::{BestPlane, CellCost, Plane, offer_empty_cuts};
 use crate::promising::Promising;
 
-/// Above so many primitives a bin, only every lth is looked at, l = log₁₀ N: what is counted is then an estimate, while
-/// the side of each primitive is decided by the plane, exactly.
+/// With more primitives per bin than this, only every lth primitive is counted, l = log₁₀ N. Counts are then estimates, but
+/// the division of the cell compares every primitive with the plane.
 const SAMPLE_ABOVE: usize = 64;
 
-/// At least so many primitives to a bin, in cells that have more than [`FEW_BINS`].
+/// The least number of primitives per bin, in cells with more than [`MIN_BINS`] bins.
 const PRIMS_PER_BIN: usize = 8;
 
-/// Bins that are worth their while in any cell.
-const FEW_BINS: usize = 32;
+/// The number of bins that pays in any cell.
+const MIN_BINS: usize = 32;
 
-/// Of so many bins on all axes considered, one at most is looked into to adjust the plane, or one of all of them.
-const BINS_PER_LOOK: usize = 48;
+/// At most one of this many bins, over all considered axes, is swept to adjust the plane; at least one bin is.
+const BINS_PER_SWEEP: usize = 48;
 
-/// Binned planes.
+/// The binned chooser.
 #[derive(Debug)]
 pub(crate) struct Binned {
-    /// Most bins along an axis.
+    /// The greatest number of bins along an axis.
     pub(crate) bins: usize,
-    /// What a plane in a bin must be able to cost, over the best boundary, for the bin to be looked into. Where geometry
-    /// is spread evenly few can cost much less; where most of it lies in one bin, that is the only way on.
+    /// A bin is swept only if its lower bound of cost is below this multiple of the cost of the best boundary. Where
+    /// geometry is evenly distributed, few planes are much cheaper than the best boundary. Where most geometry is in one
+    /// bin, sweeping that bin is the only way to divide it.
     pub(crate) adjust_below: f32,
 }
 
@@ -50,8 +51,8 @@ impl Memoryless for Binned {
         offer_empty_cuts(&mut best, &cell.place.tight, count);
         let mut promising = Promising::of(&Bins::sum(&chunks), step, &grid, cost);
         promising.offer_boundary_to(&mut best);
-        let looks = (bins * cost.considered.len() / BINS_PER_LOOK).max(1);
-        promising.limit(looks, self.adjust_below * best.least_cost());
+        let swept = (bins * cost.considered.len() / BINS_PER_SWEEP).max(1);
+        promising.limit(swept, self.adjust_below * best.least_cost());
         promising.offer_to(&mut best, cell, &chunks, parallel);
         best.found()
     }
@@ -60,10 +61,10 @@ impl Memoryless for Binned {
 impl Binned {
     fn bins_for(&self, count: usize) -> usize {
         let wanted = (count / PRIMS_PER_BIN).next_power_of_two();
-        wanted.max(FEW_BINS).min(self.bins)
+        wanted.max(MIN_BINS).min(self.bins)
     }
 
-    /// Each which primitive is looked at.
+    /// The distance between counted primitives: every `step`th primitive is counted.
     fn step(&self, count: usize) -> u32 {
         if count > SAMPLE_ABOVE * self.bins {
             count.ilog10()

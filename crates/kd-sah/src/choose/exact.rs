@@ -1,9 +1,9 @@
-//! SAH without sorting everything: bins bound what any plane in them can cost, and only those that may hold the best
-//! plane are looked into ([`promising`](crate::promising)). Where few primitives are left, every candidate is counted
+//! Exact SAH without sorting all events. Bins give a lower bound of the cost of the planes in them, and only bins that may
+//! contain the best plane are swept ([`promising`](crate::promising)). In small cells every candidate is counted
 //! ([`small`]).
 //!
-//! The plane is the same as that of the other exact choosers, ties included, in linear time as long as the cost is
-//! not almost the same everywhere. Nothing is kept from cell to cell, so memory is that of the primitives.
+//! The plane is the same as that of the other exact choosers, ties included. The time is linear unless the cost is almost
+//! constant over the cell. No data is kept between cells, so the memory is that of the primitives.
 
 use super::Memoryless;
 use crate::bins::{self, Bins, Grid, MOST_BINS};
@@ -12,7 +12,7 @@ use crate::plane::{BestPlane, CellCost, Plane};
 use crate::promising::Promising;
 use crate::small::{self, SMALL};
 
-/// The exact plane by bounds.
+/// The exact chooser by lower bounds.
 #[derive(Debug)]
 pub(crate) struct Exact;
 
@@ -31,7 +31,7 @@ impl Memoryless for Exact {
     }
 }
 
-/// Enough that a bin holds about a dozen primitives.
+/// A number of bins such that a bin holds about a dozen primitives.
 fn bins_for(count: usize) -> usize {
     (count / 12).next_power_of_two().clamp(32, MOST_BINS)
 }

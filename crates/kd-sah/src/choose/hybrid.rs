@@ -1,10 +1,10 @@
-//! One chooser for large cells, exact below.
+//! Any chooser for large cells, the exact one for small cells.
 
 use super::{Exact, Memoryless};
 use crate::cell::Cell;
 use crate::plane::{CellCost, Plane};
 
-/// Chooses by `above` where there are more than `exact_below` primitives.
+/// Chooses by `above` in cells of more than `exact_below` primitives, and exactly in others.
 #[derive(Debug)]
 pub(crate) struct Hybrid<C> {
     pub(crate) above: C,

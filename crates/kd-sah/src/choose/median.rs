@@ -1,4 +1,4 @@
-//! The spatial median: the middle of the cell, axes in turn (slides, "Naive algorithm").
+//! The spatial median: the middle of the cell, with alternating axes (slides, "Naive algorithm").
 
 use kd_core::Axis;
 
@@ -6,8 +6,8 @@ use super::Memoryless;
 use crate::cell::Cell;
 use crate::plane::{CellCost, Plane, Side};
 
-/// Axis = depth mod 3, position = middle. Unlike the slides, an axis on which the cell is flat is passed over, since
-/// a plane there would divide nothing.
+/// The axis is the depth modulo 3, the position is the middle of the cell. Unlike the slides, an axis on which the cell is
+/// flat is skipped, since no plane there divides the cell.
 #[derive(Debug)]
 pub(crate) struct Median;
 

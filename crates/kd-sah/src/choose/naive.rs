@@ -1,4 +1,4 @@
-//! SAH by counting over everything for every candidate: O(N²) (slides; Wald and Havran 2006 §4.1).
+//! SAH by counting all primitives for every candidate: O(N²) (slides; Wald and Havran 2006 §4.1).
 
 use kd_core::Axis;
 
@@ -6,8 +6,8 @@ use super::Memoryless;
 use crate::cell::Cell;
 use crate::plane::{BestPlane, CellCost, Counts, Plane};
 
-/// The slowest builder, and the plainest: what the others must agree with. It shares with them what a candidate costs
-/// and how ties end ([`BestPlane`]), and nothing of how primitives are counted.
+/// The slowest and simplest builder, with which the others must agree. It shares with them the cost of a candidate and the
+/// order of ties ([`BestPlane`]), but not the counting of primitives.
 #[derive(Debug)]
 pub(crate) struct Naive;
 
@@ -17,7 +17,7 @@ impl Memoryless for Naive {
         for &axis in cost.considered {
             for prim in cell.prims {
                 for position in [prim.start(axis), prim.end(axis)] {
-                    // -0.0 and 0.0 are one plane; whichever a primitive has, name it 0.0.
+                    // -0.0 and 0.0 are the same plane: make both 0.0.
                     let position = position + 0.0;
                     best.offer(axis, position, count(cell, axis, position));
                 }

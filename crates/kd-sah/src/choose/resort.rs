@@ -1,11 +1,11 @@
-//! SAH by a sweep over events sorted anew in every cell: O(N log² N) (slides; Wald and Havran 2006 §4.2).
+//! SAH by a sweep over events that are sorted in every cell: O(N log² N) (slides; Wald and Havran 2006 §4.2).
 
 use super::Memoryless;
 use crate::cell::Cell;
 use crate::events::{events_of, sweep};
 use crate::plane::{BestPlane, CellCost, Plane};
 
-/// Keeps nothing from cell to cell: the oracle of the splicing in [`Sweep`](super::Sweep).
+/// It keeps no data between cells, and is the oracle for the splicing in [`Sweep`](super::Sweep).
 #[derive(Debug)]
 pub(crate) struct Resort;
 

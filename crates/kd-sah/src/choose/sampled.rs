@@ -1,9 +1,10 @@
 //! SAH by adaptive sampling (Hunt, Mark, Stoll 2006, *Fast kd-tree construction with an adaptive error-bounded
 //! heuristic*; Eleftheriades 2010 §2.4.2.2).
 //!
-//! On an axis the primitives below and above are counted at eight planes at equal distances, then at eight more where
-//! the counts change fastest. Between neighbours both counts are taken to be linear, and so are the chances of entering
-//! either part, so the cost is a quadratic function on each piece; the plane goes where the least of them is least.
+//! On each axis the primitives below and above are counted at eight equidistant planes, then at eight more planes where the
+//! counts change fastest. Both counts are assumed to be linear between neighbouring planes. The probabilities of entering
+//! either child are linear too, so that the cost is a quadratic function on each interval. The plane is at the least
+//! minimum of these functions.
 
 use kd_core::Axis;
 
@@ -14,13 +15,13 @@ use crate::plane::{BestPlane, CellCost, Plane, Side, offer_empty_cuts};
 use crate::prim::Prim;
 use crate::small::{self, SMALL};
 
-/// Planes counted in one pass.
+/// The number of planes counted in one pass.
 const PLANES: usize = 8;
 
-/// Planes by sampling above [`SMALL`] primitives, exact ones below.
+/// Chooses by sampling in cells of more than [`SMALL`] primitives, and exactly in others.
 #[derive(Debug)]
 pub(crate) struct Sampled {
-    /// Samples every axis instead of only the longest one of the cell.
+    /// Whether all axes are sampled, instead of only the longest axis of the cell.
     pub(crate) all_axes: bool,
 }
 
@@ -40,25 +41,25 @@ impl Memoryless for Sampled {
     }
 }
 
-/// A plane and how many primitives reach below and above it.
+/// A plane and the numbers of primitives that reach below and above it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Counted {
+struct Sample {
     position: f32,
     lower: f32,
     upper: f32,
 }
 
-/// Planes in order of position, both faces of the box around the primitives among them.
-struct Samples(Vec<Counted>);
+/// Planes in order of position, including both faces of the box around the primitives.
+struct Samples(Vec<Sample>);
 
-/// Counts at evenly spaced planes, then at those between which the counts change most.
+/// Counts primitives at equidistant planes, then at planes where the counts change fastest.
 fn sample(cell: Cell<'_>, axis: Axis, parallel: bool) -> Samples {
     let (min, max) = (
         cell.place.tight.min[axis.index()],
         cell.place.tight.max[axis.index()],
     );
     let all = cell.prims.len() as f32;
-    let face = |position, lower, upper| Counted {
+    let face = |position, lower, upper| Sample {
         position,
         lower,
         upper,
@@ -68,7 +69,7 @@ fn sample(cell: Cell<'_>, axis: Axis, parallel: bool) -> Samples {
     let evenly = std::array::from_fn(|i| min + (max - min) * step(i + 1));
     let mut samples = Samples(ends.to_vec());
     samples.add(count(cell, axis, evenly, parallel));
-    // lower - upper never decreases, from -all to all: planes at equal steps of it.
+    // lower - upper increases monotonically from -all to all: place planes at equal steps of it.
     let adaptive =
         std::array::from_fn(|i| samples.where_difference_is(all * (2.0 * step(i + 1) - 1.0)));
     samples.add(count(cell, axis, adaptive, parallel));
@@ -76,37 +77,37 @@ fn sample(cell: Cell<'_>, axis: Axis, parallel: bool) -> Samples {
 }
 
 impl Samples {
-    fn add(&mut self, counted: [Counted; PLANES]) {
+    fn add(&mut self, counted: [Sample; PLANES]) {
         self.0.extend(counted);
         self.0.sort_by(|a, b| a.position.total_cmp(&b.position));
     }
 
-    /// Where lower - upper reaches a value, linear between samples.
+    /// The position where lower - upper reaches a value, interpolated linearly between samples.
     fn where_difference_is(&self, value: f32) -> f32 {
-        let difference = |at: &Counted| at.lower - at.upper;
+        let difference = |at: &Sample| at.lower - at.upper;
         let last = self.0.partition_point(|at| difference(at) < value);
         let (last, first) = (
             self.0[last.min(self.0.len() - 1)],
             self.0[last.saturating_sub(1)],
         );
         let rise = difference(&last) - difference(&first);
-        let part = if rise > 0.0 {
+        let fraction = if rise > 0.0 {
             (value - difference(&first)) / rise
         } else {
             0.0
         };
-        between(first.position, last.position, part)
+        between(first.position, last.position, fraction)
     }
 
-    /// Offers the plane of least cost on each piece; `all` is the number of primitives.
+    /// Offers the cheapest plane of each interval; `all` is the number of primitives.
     fn offer_minima(&self, axis: Axis, all: usize, cost: &CellCost, best: &mut BestPlane<'_>) {
         for pair in self.0.windows(2) {
-            let piece = Piece {
+            let interval = Interval {
                 first: pair[0],
                 last: pair[1],
             };
-            let (position, lower, upper) = piece.minimum(axis, cost);
-            // A plane that everything straddles would be asked for again below it, and again.
+            let (position, lower, upper) = interval.minimum(axis, cost);
+            // A plane that all primitives straddle would be chosen again in both children.
             if lower == all && upper == all {
                 continue;
             }
@@ -115,14 +116,14 @@ impl Samples {
     }
 }
 
-/// Between two neighbouring samples.
-struct Piece {
-    first: Counted,
-    last: Counted,
+/// The interval between two neighbouring samples.
+struct Interval {
+    first: Sample,
+    last: Sample,
 }
 
-impl Piece {
-    /// Position and counts where the cost is least, for leaves that cost the same for each primitive.
+impl Interval {
+    /// The position of least cost and the counts there, for a leaf cost linear in the number of primitives.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -131,7 +132,7 @@ impl Piece {
     fn minimum(&self, axis: Axis, cost: &CellCost) -> (f32, usize, usize) {
         let along = &cost.axes[axis.index()];
         let (first, last) = (&self.first, &self.last);
-        // With s from 0 to 1 on the piece: chance (p + q s) times count (l + m s), and the same above the plane.
+        // With s from 0 to 1 on the interval: probability (p + q s) times count (l + m s), and the same above the plane.
         let (start, end) = (
             along.fraction(first.position),
             along.fraction(last.position),
@@ -160,12 +161,12 @@ impl Piece {
     }
 }
 
-fn between(a: f32, b: f32, part: f32) -> f32 {
-    a + (b - a) * part
+fn between(a: f32, b: f32, fraction: f32) -> f32 {
+    a + (b - a) * fraction
 }
 
-/// How many primitives reach below and above each of eight planes.
-fn count(cell: Cell<'_>, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [Counted; PLANES] {
+/// Counts the primitives that reach below and above each of eight planes.
+fn count(cell: Cell<'_>, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [Sample; PLANES] {
     let chunks = kd_tasks::map(
         cell.prims.chunks(CHUNK).collect(),
         parallel,
@@ -181,7 +182,7 @@ fn count(cell: Cell<'_>, axis: Axis, planes: [f32; PLANES], parallel: bool) -> [
             (lower, upper)
         },
     );
-    std::array::from_fn(|i| Counted {
+    std::array::from_fn(|i| Sample {
         position: planes[i],
         lower: chunks.iter().map(|chunk| chunk.0[i]).sum::<u32>() as f32,
         upper: chunks.iter().map(|chunk| chunk.1[i]).sum::<u32>() as f32,

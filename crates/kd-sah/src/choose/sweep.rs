@@ -1,4 +1,4 @@
-//! SAH by a sweep over events sorted once: O(N log N) (Wald and Havran 2006 §4.3).
+//! SAH by a sweep over events that are sorted once: O(N log N) (Wald and Havran 2006 §4.3).
 
 use kd_core::Axis;
 
@@ -8,8 +8,8 @@ use crate::events::{Event, events_of, push_events, sweep_in_chunks};
 use crate::plane::{BestPlane, CellCost, Plane};
 use crate::prim::Prim;
 
-/// Sorts the root's events, and from then on splices: events of primitives on one side stay in order, only those of
-/// primitives that the plane cut are made anew, sorted and merged in.
+/// Sorts the events of the root, and splices them in each division: events of primitives on one side keep their order. Only
+/// events of primitives that the plane cuts are computed again, sorted and merged in.
 #[derive(Debug)]
 pub(crate) struct Sweep;
 
@@ -17,7 +17,7 @@ impl ChoosePlane for Sweep {
     /// Sorted events of the cell, per axis.
     type Kept = [Vec<Event>; 3];
 
-    const LOOKS_BACK: bool = true;
+    const NEEDS_PARENT: bool = true;
 
     fn begin(&self, root: Cell<'_>) -> Self::Kept {
         Axis::ALL.map(|axis| {
@@ -47,15 +47,15 @@ impl ChoosePlane for Sweep {
         kept: Self::Kept,
         cell: Cell<'_>,
         plane: &Plane,
-        parts: [Cell<'_>; 2],
+        children: [Cell<'_>; 2],
         parallel: bool,
     ) -> [Self::Kept; 2] {
-        let moves = Moves::of(cell, plane, parts);
+        let destinations = Destinations::of(cell, plane, children);
         let axes = Axis::ALL.into_iter().zip(kept).collect();
         let mut lower = [const { Vec::new() }; 3];
         let mut upper = [const { Vec::new() }; 3];
         let divided = kd_tasks::map(axes, parallel, |(axis, events)| {
-            (axis, moves.divide(axis, events, parts))
+            (axis, destinations.divide(axis, events, children))
         });
         for (axis, [below, above]) in divided {
             lower[axis.index()] = below;
@@ -65,80 +65,81 @@ impl ChoosePlane for Sweep {
     }
 }
 
-/// Where a primitive of a cell went when the cell was divided.
+/// The child that received a primitive of a divided cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Moved {
-    /// Below the plane, under this number, as it was.
+enum Destination {
+    /// The lower child, unchanged, with this number there.
     Lower(u32),
-    /// Above the plane, under this number, as it was.
+    /// The upper child, unchanged, with this number there.
     Upper(u32),
-    /// The plane cut it, so that what is left of it has new boxes.
+    /// Both children, or one of them, with a new box: the plane cuts the primitive.
     Cut,
 }
 
-/// Where all of them went.
-struct Moves {
-    moved: Vec<Moved>,
-    /// Numbers of primitives that were cut, in the lower and in the upper part.
+/// The destinations of all primitives of a cell.
+struct Destinations {
+    moved: Vec<Destination>,
+    /// The numbers of cut primitives in the lower and in the upper child.
     cut: [Vec<u32>; 2],
 }
 
-impl Moves {
-    fn of(cell: Cell<'_>, plane: &Plane, parts: [Cell<'_>; 2]) -> Self {
+impl Destinations {
+    fn of(cell: Cell<'_>, plane: &Plane, children: [Cell<'_>; 2]) -> Self {
         let mut numbers = [0_u32; 2];
         let mut cut = [const { Vec::new() }; 2];
         let moved = cell.prims.iter().map(|prim| match Lies::of(prim, plane) {
             Lies::Below => {
                 numbers[0] += 1;
-                Moved::Lower(numbers[0] - 1)
+                Destination::Lower(numbers[0] - 1)
             }
             Lies::Above => {
                 numbers[1] += 1;
-                Moved::Upper(numbers[1] - 1)
+                Destination::Upper(numbers[1] - 1)
             }
             Lies::Across => {
-                // Parts keep the order of the cell, but clipping may have left nothing on one side.
-                for ((number, cut), part) in numbers.iter_mut().zip(&mut cut).zip(parts) {
-                    let at = part.prims.get(*number as usize);
+                // Children keep the order of the cell, but clipping may have removed the primitive from one of them.
+                for ((number, cut), child) in numbers.iter_mut().zip(&mut cut).zip(children) {
+                    let at = child.prims.get(*number as usize);
                     if at.is_some_and(|at| at.slot() == prim.slot()) {
                         cut.push(*number);
                         *number += 1;
                     }
                 }
-                Moved::Cut
+                Destination::Cut
             }
         });
         let moved = moved.collect();
         Self { moved, cut }
     }
 
-    /// Events of both parts on one axis.
-    fn divide(&self, axis: Axis, events: Vec<Event>, parts: [Cell<'_>; 2]) -> [Vec<Event>; 2] {
-        let (kept_lower, kept_upper) = self.split(&events, parts);
+    /// The events of both children on one axis.
+    fn divide(&self, axis: Axis, events: Vec<Event>, children: [Cell<'_>; 2]) -> [Vec<Event>; 2] {
+        let (kept_lower, kept_upper) = self.split(&events, children);
         drop(events);
         let [new_lower, new_upper] = [0, 1].map(|side: usize| {
-            let prims = parts[side].prims;
-            made_anew(prims, &self.cut[side], axis)
+            let prims = children[side].prims;
+            events_of_cut(prims, &self.cut[side], axis)
         });
         [merge(kept_lower, &new_lower), merge(kept_upper, &new_upper)]
     }
 
-    /// The events of primitives that went to one side, renumbered. Numbers keep their order, so events do.
-    fn split(&self, events: &[Event], parts: [Cell<'_>; 2]) -> (Vec<Event>, Vec<Event>) {
-        let [mut lower, mut upper] = parts.map(|part| Vec::with_capacity(2 * part.prims.len()));
+    /// The events of uncut primitives by child, renumbered. Numbers keep their order, so events stay sorted.
+    fn split(&self, events: &[Event], children: [Cell<'_>; 2]) -> (Vec<Event>, Vec<Event>) {
+        let [mut lower, mut upper] =
+            children.map(|child| Vec::with_capacity(2 * child.prims.len()));
         for event in events {
             match self.moved[event.prim() as usize] {
-                Moved::Lower(prim) => lower.push(event.renumbered(prim)),
-                Moved::Upper(prim) => upper.push(event.renumbered(prim)),
-                Moved::Cut => {}
+                Destination::Lower(prim) => lower.push(event.renumbered(prim)),
+                Destination::Upper(prim) => upper.push(event.renumbered(prim)),
+                Destination::Cut => {}
             }
         }
         (lower, upper)
     }
 }
 
-/// The events of primitives that were cut, sorted. Only about √N of N are (Wald and Havran 2006 §4.3).
-fn made_anew(prims: &[Prim], cut: &[u32], axis: Axis) -> Vec<Event> {
+/// The sorted events of cut primitives, about √N of N primitives (Wald and Havran 2006 §4.3).
+fn events_of_cut(prims: &[Prim], cut: &[u32], axis: Axis) -> Vec<Event> {
     let mut events = Vec::with_capacity(2 * cut.len());
     for &prim in cut {
         push_events(&mut events, axis, prim, &prims[prim as usize]);
@@ -147,7 +148,7 @@ fn made_anew(prims: &[Prim], cut: &[u32], axis: Axis) -> Vec<Event> {
     events
 }
 
-/// Merges two sorted lists, from the back, within the first one's memory.
+/// Merges two sorted lists from the back, in the memory of the first.
 fn merge(mut kept: Vec<Event>, new: &[Event]) -> Vec<Event> {
     let mut from_kept = kept.len();
     let mut from_new = new.len();
@@ -175,7 +176,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn merging_is_sorting(a: Vec<(i8, bool)>, b: Vec<(i8, bool)>) {
+        fn merging_equals_sorting(a: Vec<(i8, bool)>, b: Vec<(i8, bool)>) {
             let events = |list: &[(i8, bool)]| {
                 let mut events = Vec::new();
                 for (number, (at, flat)) in (0_u32..).zip(list) {

@@ -1,5 +1,5 @@
-//! Meshes that are hard on builders.
-#![allow(dead_code, reason = "each test file uses its own part")]
+//! Random meshes of degenerate and coplanar triangles, which are hard for builders.
+#![allow(dead_code, reason = "no test file uses all functions")]
 
 use kd_core::Mesh;
 use proptest::prelude::*;
@@ -13,7 +13,7 @@ pub(crate) fn soup(triangles: &[[[f32; 3]; 3]]) -> Mesh {
     Mesh::new(triangles.concat(), indices).expect("finite, in range")
 }
 
-/// A coordinate on a coarse grid, so that many of them are equal; one in seven is -0.0.
+/// A coordinate on a coarse grid, so that many coordinates are equal; one in seven is -0.0.
 fn grid() -> BoxedStrategy<f32> {
     (-3_i8..4)
         .prop_map(|x| if x == 0 { -0.0 } else { f32::from(x) })
@@ -24,7 +24,7 @@ fn anywhere() -> BoxedStrategy<f32> {
     (-3.0_f32..3.0).boxed()
 }
 
-/// A triangle of one of the kinds that break builders.
+/// A random triangle: arbitrary, on a grid, in an axis-aligned plane, of zero area, a point, huge, or tiny.
 pub(crate) fn triangle() -> impl Strategy<Value = [[f32; 3]; 3]> {
     let in_axis_plane = (
         0_usize..3,
@@ -52,9 +52,9 @@ pub(crate) fn triangle() -> impl Strategy<Value = [[f32; 3]; 3]> {
     ]
 }
 
-/// Up to `most` such triangles, some of them repeated.
-pub(crate) fn mesh(most: usize) -> impl Strategy<Value = Mesh> {
-    (prop::collection::vec(triangle(), 0..most), 0_usize..3).prop_map(|(mut triangles, copies)| {
+/// Fewer than `limit` such triangles, half of them repeated up to twice.
+pub(crate) fn mesh(limit: usize) -> impl Strategy<Value = Mesh> {
+    (prop::collection::vec(triangle(), 0..limit), 0_usize..3).prop_map(|(mut triangles, copies)| {
         let half = triangles[..triangles.len() / 2].to_vec();
         for _ in 0..copies {
             triangles.extend_from_slice(&half);

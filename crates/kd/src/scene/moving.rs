@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3A, Vec3A};
-use kd_core::{Boxes, Mesh, Tree};
+use kd_core::{BoundsOnly, Mesh, Tree};
 use kd_merge::MergeError;
 use kd_sah::{BuildOptions, build};
 
@@ -76,7 +76,9 @@ impl MovingTree {
                 // What is finite where it is to be moved to is finite at rest.
                 let mesh = part.mesh.transformed(&course.to_rest);
                 let mesh = mesh.ok();
-                let tree = mesh.map(|mesh| build(&Boxes(&mesh), options)).transpose()?;
+                let tree = mesh
+                    .map(|mesh| build(&BoundsOnly(&mesh), options))
+                    .transpose()?;
                 tree.map(Arc::new)
             }
         };
