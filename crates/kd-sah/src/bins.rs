@@ -1,4 +1,4 @@
-//! How many primitives start and end in each of a few intervals of equal width, on all axes (Shevtsov et al. 2007).
+//! Counts of primitives that start and end in each of a few bins of equal width, on all axes (Shevtsov et al. 2007).
 
 use std::borrow::Cow;
 
@@ -11,12 +11,12 @@ use crate::cell::Cell;
 use crate::plane::AxisCost;
 use crate::prim::Prim;
 
-/// Most bins along an axis: their numbers fit into a byte, which needs no check when it indexes a table of so many.
+/// The largest number of bins along an axis. A bin fits a byte, which indexes a table of this length without a check.
 pub(crate) const MOST_BINS: usize = 256;
 
-/// Divides a box into intervals of equal width along each axis, and tells in which one a position lies.
+/// Divides a box into bins of equal width along each axis, and finds the bin of a position.
 ///
-/// The number of a bin never decreases along the axis, rounding included.
+/// Bins never decrease along the axis, rounding included.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     bins: usize,
@@ -80,7 +80,7 @@ pub(crate) struct AxisGrid {
 }
 
 impl AxisGrid {
-    /// 2²³: adding it rounds to a whole number, which then stands in the lowest bits.
+    /// 2²³: adding it rounds to an integer, in the lowest bits.
     pub(crate) const INTEGERS: f32 = (1 << 23) as f32;
 
     /// The bin of a position in the box.
@@ -115,7 +115,7 @@ impl AxisGrid {
     }
 }
 
-/// How far off a face may be, as a fraction of a cell, four times over.
+/// Four times the largest error of a face, as a fraction of a cell.
 const MARGIN: f32 = 1.0 / (1 << 20) as f32;
 
 /// Faces of bins along an axis, as fractions of a cell.
@@ -133,8 +133,8 @@ impl Edges {
         self.first + bin.cast_signed() as f32 * self.step
     }
 
-    /// An interval that no position in the bin lies outside of: faces are a few units in the last place of the box
-    /// off, 2⁻²² of it, and fractions by no more.
+    /// An interval that contains all positions of the bin: faces err by a few units in the last place of the box, 2⁻²² of it,
+    /// and fractions by no more.
     #[inline]
     pub(crate) fn around(&self, bin: u32) -> (f32, f32) {
         let (start, end) = (self.at(bin) - MARGIN, self.at(bin + 1) + MARGIN);
@@ -143,7 +143,7 @@ impl Edges {
         (start, end)
     }
 
-    /// An interval around the lower face of a bin that the true face lies in.
+    /// An interval that contains the exact lower face of a bin.
     #[inline]
     pub(crate) fn near(&self, bin: u32) -> (f32, f32) {
         let face = self.at(bin);
@@ -152,21 +152,21 @@ impl Edges {
 }
 
 #[inline]
-#[allow(clippy::cast_possible_truncation, reason = "the lowest byte is meant")]
+#[allow(clippy::cast_possible_truncation, reason = "the lowest byte")]
 fn low_byte(x: f32) -> u8 {
     x.to_bits() as u8
 }
 
-/// Counts for so many bins at most, which is enough for most cells: less memory to clear.
+/// The size of a small table, which most cells need: less memory to clear.
 const FEW_BINS: usize = 32;
 
-/// How many primitives start, and how many end, in each bin of each axis that is counted.
+/// The number of primitives that start, and that end, in each bin of each counted axis.
 #[derive(Clone)]
 pub(crate) struct Bins {
     bins: usize,
     /// The axes that were counted, in order.
     axes: &'static [Axis],
-    /// A table of starts and one of ends for each axis, each with room for [`FEW_BINS`] or [`MOST_BINS`].
+    /// For each axis a table of starts and one of ends, of [`FEW_BINS`] or [`MOST_BINS`] entries.
     counts: Vec<u32>,
 }
 
@@ -197,7 +197,7 @@ impl Bins {
         bins
     }
 
-    /// Of all chunks together (Push).
+    /// The sum of all chunks (Push).
     pub(crate) fn sum(chunks: &[Self]) -> Cow<'_, Self> {
         let (first, others) = chunks.split_first().expect("a cell is not empty");
         let mut sum = Cow::Borrowed(first);
@@ -209,14 +209,14 @@ impl Bins {
         sum
     }
 
-    /// How many primitives start in a bin, and how many end there.
+    /// The number of primitives that start in a bin, and of those that end there.
     #[inline]
     pub(crate) fn at(&self, axis: Axis, bin: usize) -> (usize, usize) {
         let (starts, ends) = self.along(axis);
         (starts[bin] as usize, ends[bin] as usize)
     }
 
-    /// How many primitives start, and how many end, in each bin of an axis that was counted.
+    /// The number of primitives that start, and that end, in each bin of a counted axis.
     #[inline]
     pub(crate) fn along(&self, axis: Axis) -> (&[u32], &[u32]) {
         let axis = if self.axes.len() == 1 {
@@ -230,8 +230,8 @@ impl Bins {
     }
 }
 
-/// The counts of every `step`th primitive of a cell, in chunks, so that several threads can count (`PreScan` of Choi et
-/// al. 2010). `axes` are one, or all in order.
+/// Counts every `step`th primitive of a cell, in chunks, so that several threads can count (`PreScan` of Choi et al. 2010).
+/// `axes` is one axis, or all in order.
 pub(crate) fn count(
     cell: Cell<'_>,
     axes: &'static [Axis],
@@ -245,7 +245,7 @@ pub(crate) fn count(
     })
 }
 
-/// What is to be counted.
+/// The primitives to count.
 pub(crate) struct Counting<'a> {
     prims: &'a [Prim],
     step: usize,
@@ -261,16 +261,23 @@ struct EightGrids {
     last: f32,
 }
 
-impl EightGrids {
-    /// The bin of each position, as [`AxisGrid::bin`] finds it.
+/// The bin of each position in its grid, as [`AxisGrid::bin`] finds it.
+struct FindBins<'a> {
+    grids: &'a EightGrids,
+    positions: &'a [f32; LANES],
+}
+
+impl<S: Simd> Task<S> for FindBins<'_> {
+    type Output = [u8; LANES];
+
     #[inline(always)]
-    fn bins<S: Simd>(&self, simd: S, positions: &[f32; LANES]) -> [u8; LANES] {
+    fn run(self, simd: S) -> [u8; LANES] {
         let grids = Lanes {
-            origin: simd.load(&self.origin),
-            scale: simd.load(&self.scale),
-            last: simd.splat(self.last),
+            origin: simd.load(&self.grids.origin),
+            scale: simd.load(&self.grids.scale),
+            last: simd.splat(self.grids.last),
         };
-        grids.rounded(simd, simd.load(positions)).low_bytes()
+        grids.rounded(simd, simd.load(self.positions)).low_bytes()
     }
 }
 
@@ -305,7 +312,7 @@ impl Counting<'_> {
         match (self.axes, counts.as_chunks_mut::<ROOM>().0) {
             (&[axis], [starts, ends]) => self.count_axis(simd, axis, [starts, ends]),
             (_, [a, b, c, d, e, f]) => self.count_all(simd, [a, b, c, d, e, f]),
-            _ => unreachable!("planes are looked for across one axis or all of them"),
+            _ => unreachable!("one axis or all of them"),
         }
     }
 
@@ -352,7 +359,10 @@ impl Counting<'_> {
             last: self.grid.last,
         };
         for prim in self.prims.iter().step_by(self.step) {
-            let bins = grids.bins(simd, prim.ends());
+            let bins = simd.run(FindBins {
+                grids: &grids,
+                positions: prim.ends(),
+            });
             let bins = bins.map(|bin| usize::from(bin) % ROOM);
             x_starts[bins[0]] += 1;
             y_starts[bins[1]] += 1;
@@ -390,7 +400,10 @@ fn count_four<const ROOM: usize, const NUMBER: usize, S: Simd>(
 ) {
     let [a, b, c, d] = four.map(|prim| prim.start(axis));
     let [e, f, g, h] = four.map(|prim| prim.end(axis));
-    let bins = grids.bins(simd, &[a, b, c, d, e, f, g, h]);
+    let bins = simd.run(FindBins {
+        grids,
+        positions: &[a, b, c, d, e, f, g, h],
+    });
     for lane in 0..NUMBER {
         starts[usize::from(bins[lane]) % ROOM] += 1;
         ends[usize::from(bins[4 + lane]) % ROOM] += 1;

@@ -1,4 +1,4 @@
-//! The starts and ends that lie in some of the bins, those of each bin together.
+//! Collects the starts and ends in wanted bins, bin by bin.
 //!
 //! Most positions lie in no wanted bin, so eight at a time are first compared with the outermost wanted bins. The search is
 //! compiled for each [`Level`].
@@ -14,7 +14,7 @@ use crate::bits::numbers;
 use crate::events::Event;
 use crate::prim::Prim;
 
-/// Bins that are asked for, each with a number.
+/// Wanted bins, each with a number.
 pub(crate) struct Wanted {
     axes: [WantedAxis; 3],
     count: usize,
@@ -23,9 +23,9 @@ pub(crate) struct Wanted {
 /// The wanted bins along one axis.
 #[derive(Clone, Copy)]
 struct WantedAxis {
-    /// The number of each bin; all that are not wanted share one behind the last.
+    /// The number of each bin. All unwanted bins share the number after the last one.
     numbers: [u16; MOST_BINS],
-    /// The outermost wanted bins; the first behind the last if there are none.
+    /// The outermost wanted bins; the first after the last if none is wanted.
     first: u8,
     last: u8,
 }
@@ -58,12 +58,12 @@ impl Wanted {
 #[derive(Debug)]
 pub(crate) struct Collected {
     events: Vec<Event>,
-    /// Where those of each bin are.
+    /// The events of each bin.
     ranges: SmallVec<[Range<usize>; 64]>,
 }
 
 impl Collected {
-    /// `counts` tells how many there are in each wanted bin, if both ends of every primitive are counted.
+    /// `counts` has the number of starts and ends in each wanted bin, both ends of planar primitives included.
     pub(crate) fn of(
         prims: &[Prim],
         step: usize,
@@ -73,7 +73,7 @@ impl Collected {
     ) -> Self {
         let mut ranges = SmallVec::with_capacity(wanted.count + 1);
         let mut total = 0;
-        // What is not wanted has a place of its own at the end.
+        // Unwanted events share a place at the end.
         for count in counts.chain([1]) {
             ranges.push(total..total);
             total += count;
@@ -108,7 +108,7 @@ impl Collected {
     }
 }
 
-/// Where the events of each bin go: behind those that are there.
+/// Where the next event of each bin is stored: at the end of its range.
 pub(crate) struct Places<'a> {
     events: &'a mut [Event],
     ranges: &'a mut [Range<usize>],
@@ -141,16 +141,22 @@ impl<S: Simd> Task<S> for Collect<'_, '_, '_> {
 }
 
 /// A bit for each position between two bins, given by their [`AxisGrid::as_rounded`].
-#[inline(always)]
-fn between<S: Simd>(
-    simd: S,
-    grid: &AxisGrid,
-    (first, last): (f32, f32),
+struct Between<'a> {
+    grid: &'a AxisGrid,
+    bins: (f32, f32),
     positions: [f32; LANES],
-) -> u64 {
-    let at = grid.rounded_lanes(simd, simd.values(positions));
-    let is_between = simd.splat(first).le(at) & at.le(simd.splat(last));
-    u64::from(is_between.bits())
+}
+
+impl<S: Simd> Task<S> for Between<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> u64 {
+        let (first, last) = self.bins;
+        let at = self.grid.rounded_lanes(simd, simd.values(self.positions));
+        let is_between = simd.splat(first).le(at) & at.le(simd.splat(last));
+        u64::from(is_between.bits())
+    }
 }
 
 impl Search<'_> {
@@ -169,6 +175,11 @@ impl Search<'_> {
             AxisGrid::as_rounded(self.along.first),
             AxisGrid::as_rounded(self.along.last),
         );
+        let between = |positions| Between {
+            grid: self.grid,
+            bins,
+            positions,
+        };
         let axis = self.axis;
         let groups = prims.chunks_exact(step * LANES);
         for prim in groups.remainder().iter().step_by(step) {
@@ -176,13 +187,13 @@ impl Search<'_> {
             self.put_end(prim, into);
         }
         for group in groups {
-            // Made of values, not read from a list that was just written: that would wait for the writes.
+            // Values in registers: a load of a list that was just written would wait for the writes.
             let starts = std::array::from_fn(|lane| group[lane * step].start(axis));
             let ends = std::array::from_fn(|lane| group[lane * step].end(axis));
-            for lane in numbers::<LANES>(between(simd, self.grid, bins, starts)) {
+            for lane in numbers::<LANES>(simd.run(between(starts))) {
                 self.put_start(&group[lane * step], into);
             }
-            for lane in numbers::<LANES>(between(simd, self.grid, bins, ends)) {
+            for lane in numbers::<LANES>(simd.run(between(ends))) {
                 self.put_end(&group[lane * step], into);
             }
         }
@@ -199,7 +210,7 @@ impl Search<'_> {
         self.put(start, event, into);
     }
 
-    /// Planar primitives are told by their start.
+    /// Planar primitives have one event, at their start.
     #[inline(always)]
     fn put_end(&self, prim: &Prim, into: &mut Places<'_>) {
         let (start, end) = (prim.start(self.axis), prim.end(self.axis));
@@ -208,7 +219,7 @@ impl Search<'_> {
         }
     }
 
-    /// Without a branch on whether its bin is wanted.
+    /// Stores an event, without a branch on whether its bin is wanted.
     #[inline(always)]
     fn put(&self, position: f32, event: Event, into: &mut Places<'_>) {
         let bin = self.grid.bin(position);
@@ -227,22 +238,6 @@ mod tests {
     use crate::bins::{self, Bins};
     use crate::cell::{Cell, Place};
     use crate::prim::samples::boxes;
-
-    /// [`between`] at some level.
-    struct Between<'a> {
-        grid: &'a AxisGrid,
-        range: (f32, f32),
-        positions: [f32; LANES],
-    }
-
-    impl<S: Simd> Task<S> for Between<'_> {
-        type Output = u64;
-
-        #[inline(always)]
-        fn run(self, simd: S) -> u64 {
-            between(simd, self.grid, self.range, self.positions)
-        }
-    }
 
     proptest! {
         /// The detected and the portable level equal asking for the bin of each position.
@@ -282,7 +277,7 @@ mod tests {
             let positions: [f32; LANES] = std::array::from_fn(|lane| prims[lane % prims.len()].start(Axis::Y));
             let (grid, range) = (grid.along(Axis::Y), (first.min(second), first.max(second)));
             let range = (AxisGrid::as_rounded(range.0.try_into().expect("small")), AxisGrid::as_rounded(range.1.try_into().expect("small")));
-            let look = || Between { grid: &grid, range, positions };
+            let look = || Between { grid: &grid, bins: range, positions };
             let portable = Level::portable().run(look());
             prop_assert_eq!(Level::detect().run(look()), portable);
             let expected = positions.map(|position| (range.0..=range.1).contains(&grid.rounded(position)));

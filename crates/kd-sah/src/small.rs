@@ -11,16 +11,16 @@ use kd_simd::{Level, Number, Simd, Task, U32x8};
 use crate::plane::{AxisCost, BestPlane, CellCost, Plane, Side};
 use crate::prim::Prim;
 
-/// A cell with more primitives is none of ours.
+/// The largest number of primitives of a small cell.
 pub(crate) const SMALL: usize = 64;
 
-/// Candidates looked at together.
+/// Candidates that are counted together.
 const LANES: usize = 16;
 
-/// One number for each of them.
+/// A number for each candidate.
 type Lanes<T> = [T; LANES];
 
-/// The best plane at any start or end of a primitive; `None` if nothing divides the cell.
+/// The best plane at a start or end of a primitive; `None` if none divides the cell.
 ///
 /// # Panics
 ///
@@ -44,28 +44,33 @@ impl<S: Simd> Task<S> for FindBestPlane<'_> {
     }
 }
 
-/// Of each candidate, how many primitives start below it, and how many end above it.
-#[inline(always)]
-fn below_and_above<S: Simd>(
-    simd: S,
-    candidates: &Lanes<f32>,
-    starts: &[f32],
-    ends: &[f32],
-) -> (Lanes<u32>, Lanes<u32>) {
-    let [first, second] = bytemuck::must_cast_ref::<Lanes<f32>, [[f32; 8]; 2]>(candidates);
-    let (first, second) = (simd.load(first), simd.load(second));
-    let none = simd.splat_u32(0);
-    let (mut below, mut above) = ([none; 2], [none; 2]);
-    for (&start, &end) in starts.iter().zip(ends) {
-        let (start, end) = (simd.splat(start), simd.splat(end));
-        below[0] = below[0].count(start.lt(first));
-        below[1] = below[1].count(start.lt(second));
-        above[0] = above[0].count(first.lt(end));
-        above[1] = above[1].count(second.lt(end));
+/// For each candidate, the number of primitives that start below it, and of those that end above it.
+struct BelowAndAbove<'a> {
+    candidates: &'a Lanes<f32>,
+    starts: &'a [f32],
+    ends: &'a [f32],
+}
+
+impl<S: Simd> Task<S> for BelowAndAbove<'_> {
+    type Output = (Lanes<u32>, Lanes<u32>);
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Self::Output {
+        let [first, second] = bytemuck::must_cast_ref::<Lanes<f32>, [[f32; 8]; 2]>(self.candidates);
+        let (first, second) = (simd.load(first), simd.load(second));
+        let none = simd.splat_u32(0);
+        let (mut below, mut above) = ([none; 2], [none; 2]);
+        for (&start, &end) in self.starts.iter().zip(self.ends) {
+            let (start, end) = (simd.splat(start), simd.splat(end));
+            below[0] = below[0].count(start.lt(first));
+            below[1] = below[1].count(start.lt(second));
+            above[0] = above[0].count(first.lt(end));
+            above[1] = above[1].count(second.lt(end));
+        }
+        let below = [below[0].to_array(), below[1].to_array()];
+        let above = [above[0].to_array(), above[1].to_array()];
+        (bytemuck::must_cast(below), bytemuck::must_cast(above))
     }
-    let below = [below[0].to_array(), below[1].to_array()];
-    let above = [above[0].to_array(), above[1].to_array()];
-    (bytemuck::must_cast(below), bytemuck::must_cast(above))
 }
 
 #[inline(always)]
@@ -98,7 +103,7 @@ struct Judge<'a> {
     cost: &'a CellCost,
     axis: Axis,
     along: AxisCost,
-    /// Lanes of the model, or as many as make no difference.
+    /// Lanes of the model, at most [`SMALL`], beyond which they make no difference.
     lanes: u32,
     /// 2¹⁶ over `lanes`, rounded up: multiplying by it and shifting divides such small counts exactly.
     reciprocal: u32,
@@ -125,7 +130,7 @@ impl<'a> Judge<'a> {
         self.cost.leaf.block * blocks.cast_signed() as f32
     }
 
-    /// What [`BestPlane::offer_side`] takes a plane to cost; infinite if it divides nothing.
+    /// The cost of a plane, as of [`BestPlane::offer_side`]; infinite if the plane does not divide the cell.
     #[inline(always)]
     fn plane(&self, position: f32, lower: u32, upper: u32) -> f32 {
         let along = &self.along;
@@ -167,7 +172,11 @@ impl<'a> Judge<'a> {
         let mut upper_side = Least::NOTHING;
         let (candidates, _) = positions.as_chunks::<LANES>();
         for candidates in &candidates[..number.div_ceil(LANES)] {
-            let (below, above) = below_and_above(simd, candidates, starts, ends);
+            let (below, above) = simd.run(BelowAndAbove {
+                candidates,
+                starts,
+                ends,
+            });
             let planar = if PLANAR {
                 planar(candidates, starts, ends)
             } else {
@@ -211,7 +220,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// How many primitives lie in each candidate plane.
+/// The number of primitives in each candidate plane.
 #[inline(always)]
 fn planar(candidates: &Lanes<f32>, starts: &[f32], ends: &[f32]) -> Lanes<u32> {
     let mut planar = [0; LANES];
@@ -223,7 +232,7 @@ fn planar(candidates: &Lanes<f32>, starts: &[f32], ends: &[f32]) -> Lanes<u32> {
     planar
 }
 
-/// The least cost in each lane, and where it is; at the lowest position among equals.
+/// The least cost in each lane, and its position; the lowest position among equals.
 struct Least {
     cost: Lanes<f32>,
     position: Lanes<f32>,

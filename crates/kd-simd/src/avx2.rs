@@ -401,9 +401,8 @@ impl F32x8 for Floats {
 
     #[inline(always)]
     fn low_bytes(self) -> [u8; LANES] {
-        let mut array = [0.0; LANES];
-        self.store(&mut array);
-        array.map(|x| x.to_bits().to_le_bytes()[0])
+        let bytes = bytemuck::must_cast::<__m256, [[u8; 4]; LANES]>(self.0);
+        bytes.map(|[lowest, ..]| lowest)
     }
 }
 
@@ -418,10 +417,7 @@ impl U32x8 for Counters {
 
     #[inline(always)]
     fn to_array(self) -> [u32; LANES] {
-        let mut array = [0; LANES];
-        // SAFETY: there are such lanes, so there is AVX2, and room for eight.
-        unsafe { _mm256_storeu_si256(array.as_mut_ptr().cast(), self.0) };
-        array
+        bytemuck::must_cast(self.0)
     }
 }
 

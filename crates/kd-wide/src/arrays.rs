@@ -1,4 +1,4 @@
-//! Nodes and blocks that refer to each other, checked once.
+//! Nodes and blocks that refer to each other by indices, checked once.
 #![allow(
     unsafe_code,
     reason = "rays follow indices that were checked when the arrays were put together; checking them again takes a twentieth \
@@ -15,13 +15,13 @@ pub use refit::Refit;
 
 pub(crate) use members::Member;
 
-/// All nodes and blocks of a tree: every child of a node, and the root, is one of its nodes or lies within its blocks.
+/// All nodes and blocks of a tree. Invariant: the root, and every child of a node, is an index into these nodes or a range of
+/// these blocks.
 ///
 /// ```text
 /// nodes    member 0 | member 1 | … | top        blocks   member 0 | member 1 | …
 /// ```
-/// The children of nodes of a member are in the same member. The top joins the members; a tree that was made in one go has no
-/// others.
+/// The children of a member's nodes are in the same member. The top joins the members. A tree that was not joined is all top.
 #[derive(Clone, Debug)]
 pub(crate) struct Arrays {
     nodes: Vec<WideNode>,
@@ -33,7 +33,7 @@ pub(crate) struct Arrays {
 impl Arrays {
     /// # Panics
     ///
-    /// If a child is not there.
+    /// If a child is not among the nodes and blocks.
     pub(crate) fn new(nodes: Vec<WideNode>, blocks: Vec<Block>, root: Child) -> Self {
         let is_there = |child: Child| child.is_within(nodes.len(), blocks.len());
         let children = nodes.iter().flat_map(|node| node.children);
@@ -54,7 +54,7 @@ impl Arrays {
         self.root
     }
 
-    /// Has a child brought to the nearest cache, where the processor has an instruction for it.
+    /// Asks the processor to load a child into its nearest cache, where it has an instruction for that.
     #[inline(always)]
     pub(crate) fn prefetch(&self, child: Child) {
         #[cfg(target_arch = "x86_64")]
@@ -69,7 +69,7 @@ impl Arrays {
                 self.nodes.as_ptr().wrapping_add(child.index()).cast()
             };
             for line in 0..LINES {
-                // SAFETY: reads nothing, and so may be given any address.
+                // SAFETY: a prefetch accepts any address.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(LINE * line)) };
             }
         }
@@ -93,7 +93,7 @@ impl Arrays {
     #[inline(always)]
     pub(crate) unsafe fn node(&self, child: Child) -> &WideNode {
         debug_assert!(!child.is_leaf(), "a node");
-        // SAFETY: it is among those that were checked.
+        // SAFETY: the index was checked when the arrays were put together.
         unsafe { self.nodes.get_unchecked(child.index()) }
     }
 
@@ -101,16 +101,16 @@ impl Arrays {
     ///
     /// # Safety
     ///
-    /// It is the root or a child of a node of these arrays, and a leaf.
+    /// It is a leaf, and the root, a child of a node of these arrays, or [`Child::NOTHING`].
     #[inline(always)]
     pub(crate) unsafe fn leaf(&self, child: Child) -> &[Block] {
         debug_assert!(child.is_leaf(), "a leaf");
-        // SAFETY: it is among those that were checked.
+        // SAFETY: the range was checked when the arrays were put together.
         unsafe { self.blocks.get_unchecked(child.blocks()) }
     }
 }
 
-/// The same bytes: padding is NaN, which is equal to nothing.
+/// Compares bytes: empty lanes are NaN, which does not equal itself.
 impl PartialEq for Arrays {
     fn eq(&self, other: &Self) -> bool {
         fn bytes<T: bytemuck::Pod>(of: &[T]) -> &[u8] {
@@ -128,14 +128,14 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "every child is a node or blocks of the same tree")]
-    fn children_that_are_not_there_are_refused() {
+    fn missing_children_are_refused() {
         let mut node = WideNode::EMPTY;
         node.children[3] = Child::leaf(0, 2);
         Arrays::new(vec![node], vec![Block::EMPTY], Child::node(0));
     }
 
     #[test]
-    fn children_that_are_there_are_not() {
+    fn present_children_are_kept() {
         let mut node = WideNode::EMPTY;
         node.children[3] = Child::leaf(0, 1);
         node.children[4] = Child::node(0);

@@ -1,4 +1,4 @@
-//! Binary trees of boxes that were made elsewhere.
+//! Wide nodes from binary trees that were made elsewhere.
 
 use kd_core::{Axis, MAX_DEPTH, Mesh};
 
@@ -7,8 +7,8 @@ use crate::divide::{MAX_LEVELS, per_area};
 
 const _: () = assert!(MAX_DEPTH <= MAX_LEVELS, "a ray's stack is large enough");
 
-/// A binary tree over the triangles of a mesh, each of them in one leaf or more: what
-/// [`WideTree::from_binary`](crate::WideTree::from_binary) is made from. Boxes are not asked for.
+/// A binary tree over the triangles of a mesh, each in at least one leaf: the input of
+/// [`WideTree::from_binary`](crate::WideTree::from_binary). It needs no boxes.
 ///
 /// ```
 /// use kd_core::{Axis, Mesh, Ray};
@@ -40,23 +40,23 @@ const _: () = assert!(MAX_DEPTH <= MAX_LEVELS, "a ray's stack is large enough");
 /// # Ok::<(), kd_core::MeshError>(())
 /// ```
 pub trait BinaryTree {
-    /// The root; `None` if there are no triangles.
+    /// The root; `None` without triangles.
     fn root(&self) -> Option<u32>;
 
-    /// The node of an index that is the root's, or was given as that of a child.
+    /// The node of the root's index or of a child's.
     fn node(&self, index: u32) -> BinaryNode<'_>;
 }
 
 /// A node of a [`BinaryTree`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BinaryNode<'a> {
-    /// Some triangles, at least one.
+    /// The triangles of a leaf, at least one.
     Leaf(&'a [u32]),
     /// Two subtrees.
     Split {
-        /// Rays that go upwards on it look into the first child first.
+        /// Rays with a positive direction on this axis visit the first child first.
         axis: Axis,
-        /// The one that is lower on the axis, then the other.
+        /// The lower child on the axis, then the upper one.
         children: [u32; 2],
     },
 }
@@ -81,7 +81,7 @@ struct Copy<'a, T> {
     mesh: &'a Mesh,
     /// One over the half area of the root's box.
     per_area: f64,
-    /// Memory for those of one leaf.
+    /// Scratch: the items of one leaf.
     items: Vec<Item>,
     boxes: BoxTree,
 }
@@ -101,7 +101,7 @@ impl<T: BinaryTree> Copy<'_, T> {
             BinaryNode::Split { axis, children } => {
                 assert!(
                     depth < MAX_DEPTH,
-                    "at most {MAX_DEPTH} nodes lie above a leaf"
+                    "a leaf is at most {MAX_DEPTH} levels below the root"
                 );
                 let place = self.boxes.reserve();
                 let parts = children.map(|child| self.add(child, depth + 1));

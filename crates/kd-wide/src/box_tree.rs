@@ -1,47 +1,46 @@
-//! A binary tree of boxes: what wide nodes are collapsed from.
+//! The binary tree of boxes that collapses into wide nodes.
 
 use glam::Vec3A;
 use kd_core::{Aabb, Axis, Mesh};
 
 use crate::collapse::{self, Choice, Costs};
 
-/// A binary tree of tight boxes over triangles, or over other subtrees. Children come after their parents; the root is the
-/// first.
+/// A binary tree of tight boxes over triangles, or over finished subtrees. Children follow their parents; the root is first.
 #[derive(Debug)]
 pub(crate) struct BoxTree {
     of: Leaves,
     nodes: Vec<BoxNode>,
-    /// The items of leaves, those of each together.
+    /// The items of all leaves, leaf by leaf.
     items: Vec<u32>,
 }
 
-/// What is in the leaves of a tree of boxes.
+/// The kind of leaves of a tree of boxes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Leaves {
-    /// Triangles, so that subtrees of few may become leaves.
+    /// Triangles: small subtrees may become leaves.
     Triangles,
-    /// One subtree each that was made before.
+    /// One finished subtree each.
     Links,
 }
 
-/// A node and how to make it into children of a wide node.
+/// A node, and how it becomes children of a wide node.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxNode {
     pub(crate) bounds: Aabb,
     pub(crate) choice: Choice,
     pub(crate) kind: Kind,
-    /// The items of the subtree, which lie together.
+    /// The range of the items of the subtree.
     first: u32,
     count: u32,
 }
 
-/// What a node is.
+/// The kind of a node.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
     /// All its items.
     Leaf,
-    /// Two parts, the one that is lower on an axis first.
-    Split { axis: Axis, parts: [u32; 2] },
+    /// Two children, the lower one on the axis first.
+    Split { axis: Axis, children: [u32; 2] },
 }
 
 /// A triangle, the part of one in a cell, or a subtree, in its box. What an [`ObjectSplit`](crate::ObjectSplit) divides.
@@ -63,7 +62,7 @@ pub(crate) struct Added {
 }
 
 impl Added {
-    /// What it costs as one child.
+    /// Its SAH cost as one child.
     pub(crate) fn cost(&self) -> f32 {
         self.costs[0]
     }
@@ -158,7 +157,7 @@ impl BoxTree {
         }
     }
 
-    /// Leaves a place for a node whose parts are added next.
+    /// Reserves the place of a node whose children are added next.
     pub(crate) fn reserve(&mut self) -> u32 {
         self.nodes.push(BoxNode {
             bounds: Aabb::EMPTY,
@@ -170,15 +169,15 @@ impl BoxTree {
         to_u32(self.nodes.len() - 1)
     }
 
-    /// Fills a reserved place: everything that has been added since is in the two parts.
+    /// Fills a reserved place. The two children hold everything that was added since.
     pub(crate) fn set_split(
         &mut self,
         place: u32,
         axis: Axis,
-        parts: [Added; 2],
+        children: [Added; 2],
         per_area: f64,
     ) -> Added {
-        let bounds = parts.map(|part| self.node(part.index).bounds);
+        let bounds = children.map(|child| self.node(child.index).bounds);
         let bounds = bounds[0].union(&bounds[1]);
         let first = self.node(place).first;
         let count = to_u32(self.items.len()) - first;
@@ -187,14 +186,14 @@ impl BoxTree {
             Leaves::Triangles => collapse::MOST_TRIANGLES,
             Leaves::Links => 1,
         };
-        let costs = parts.map(|part| part.costs);
+        let costs = children.map(|child| child.costs);
         let (choice, costs) = collapse::split(area, count as usize, most_in_leaf, &costs);
         self.nodes[place as usize] = BoxNode {
             bounds,
             choice,
             kind: Kind::Split {
                 axis,
-                parts: parts.map(|part| part.index),
+                children: children.map(|child| child.index),
             },
             first,
             count,
@@ -213,9 +212,9 @@ impl BoxTree {
         self.nodes.extend(other.nodes.iter().map(|node| BoxNode {
             kind: match node.kind {
                 Kind::Leaf => Kind::Leaf,
-                Kind::Split { axis, parts } => Kind::Split {
+                Kind::Split { axis, children } => Kind::Split {
                     axis,
-                    parts: parts.map(|part| part + nodes),
+                    children: children.map(|child| child + nodes),
                 },
             },
             first: node.first + items,
@@ -233,7 +232,7 @@ fn relative_area(bounds: &Aabb, per_area: f64) -> f32 {
     (bounds.half_area() * per_area) as f32
 }
 
-/// References are counted in 32 bits, and there are no more nodes or items than those.
+/// References are counted in 32 bits, and nodes and items are no more than references.
 fn to_u32(count: usize) -> u32 {
     u32::try_from(count).expect("32 bits count references")
 }

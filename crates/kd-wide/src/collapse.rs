@@ -1,9 +1,9 @@
-//! Which nodes of a binary tree become wide nodes, and which leaves: dynamic programming over the surface area heuristic
-//! (after H. Ylitie, T. Karras, S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, 2017,
+//! Collapse: which nodes of the binary tree of boxes become wide nodes, and which become leaves. Dynamic programming over the
+//! surface area heuristic (after H. Ylitie, T. Karras, S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, 2017,
 //! section 3.2).
 //!
-//! For every subtree there is a least cost of making it into at most one, two … eight children of the wide node above it.
-//! As one child it is a leaf or a wide node, which gets eight; as more, its two parts share them.
+//! Each subtree has a least cost as at most one, two … eight children of the wide node above it. As one child it is a leaf,
+//! or a wide node with up to eight children of its own. As more, its two subtrees share them.
 
 use kd_simd::LANES;
 
@@ -13,18 +13,18 @@ use crate::node::WIDTH;
 const NODE: f32 = 1.0;
 /// Cost of a block of triangles that a ray visits.
 const BLOCK: f32 = 0.5;
-/// Blocks that a leaf has at most, unless its triangles could not be divided.
+/// The largest number of blocks of a leaf, unless its triangles cannot be divided.
 const MOST_BLOCKS: usize = 3;
-/// Triangles that a leaf has at most, unless they could not be divided.
+/// The largest number of triangles of a leaf, unless they cannot be divided.
 pub(crate) const MOST_TRIANGLES: usize = MOST_BLOCKS * LANES;
 
 /// The least costs of a subtree as at most one child, two, and so on.
 pub(crate) type Costs = [f32; WIDTH];
 
-/// The best way to make a subtree into children.
+/// How a subtree becomes children at least cost.
 ///
 /// ```text
-/// bits 0..21    for 2 to 8 children, how many of them the lower part gets, three bits each
+/// bits 0..21    for 2 to 8 children, how many of them the lower subtree gets, three bits each
 /// bits 21..28   for 2 to 8 children, whether one fewer is as good
 /// bit 28        whether a single child is a leaf
 /// ```
@@ -34,7 +34,7 @@ pub(crate) struct Choice(u32);
 impl Choice {
     const LEAF: u32 = 1 << 28;
 
-    /// How many of 2 to 8 children the lower part gets.
+    /// How many of 2 to 8 children the lower subtree gets.
     pub(crate) fn lower(self, children: usize) -> usize {
         (self.0 >> (3 * (children - 2)) & 7) as usize
     }
@@ -43,12 +43,12 @@ impl Choice {
         self.0 >> (21 + children - 2) & 1 != 0
     }
 
-    /// Whether it is a leaf, where it is a single child.
+    /// Whether it is a leaf, as a single child.
     pub(crate) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
-    /// How many children it takes to reach the cost of at most so many.
+    /// The fewest children that cost no more than `children` do.
     pub(crate) fn best(self, mut children: usize) -> usize {
         while children > 1 && self.is_fewer_as_good(children) {
             children -= 1;
@@ -57,7 +57,7 @@ impl Choice {
     }
 }
 
-/// What a ray takes that visits a leaf of so many blocks, or a node, which has none.
+/// The cost of a visit: of a leaf with this number of blocks, or of a node, for 0.
 pub(crate) fn visit(blocks: usize) -> f32 {
     if blocks == 0 {
         NODE
@@ -70,7 +70,7 @@ fn leaf_cost(area: f32, triangles: usize) -> f32 {
     area * BLOCK * triangles.div_ceil(LANES) as f32
 }
 
-/// A subtree that is a leaf, of this area.
+/// The choice and costs of a leaf of this area.
 pub(crate) fn leaf(area: f32, triangles: usize) -> (Choice, Costs) {
     let always_one = 0b111_1111 << 21;
     (
@@ -79,22 +79,22 @@ pub(crate) fn leaf(area: f32, triangles: usize) -> (Choice, Costs) {
     )
 }
 
-/// A subtree that stays what it is, a single child, at no cost of its own.
+/// The choice and costs of a finished subtree: a single child that costs nothing here.
 pub(crate) fn link() -> (Choice, Costs) {
     leaf(0.0, 0)
 }
 
-/// A subtree of this area and so many triangles, with the costs of its parts. It may be a leaf if it has no more than
-/// `most_in_leaf` of them.
+/// The choice and costs of a subtree of this area and number of triangles, from those of its two subtrees. It may become a
+/// leaf if it has at most `most_in_leaf` triangles.
 pub(crate) fn split(
     area: f32,
     triangles: usize,
     most_in_leaf: usize,
-    parts: &[Costs; 2],
+    subtrees: &[Costs; 2],
 ) -> (Choice, Costs) {
-    let [lower, upper] = parts;
+    let [lower, upper] = subtrees;
     let mut choice = 0;
-    // With all children in use: index 0 is not.
+    // At exactly this number of children; index 0 is unused.
     let mut shared = [f32::INFINITY; WIDTH];
     for children in 2..=WIDTH {
         let mut best = (f32::INFINITY, 0);
@@ -105,7 +105,7 @@ pub(crate) fn split(
             }
         }
         shared[children - 1] = best.0;
-        // Costs that are not finite leave it at 0, which would be no part at all.
+        // Costs that are not finite leave it at 0, which would drop the lower subtree.
         let of_lower = u32::try_from(best.1.max(1)).unwrap_or(1);
         choice |= of_lower << (3 * (children - 2));
     }
@@ -129,7 +129,7 @@ pub(crate) fn split(
 mod tests {
     use super::*;
 
-    /// The least cost of a list of equal leaves in a balanced tree, tried in every way.
+    /// The least cost of equal leaves in a balanced tree, by exhaustive search.
     fn exhaustive(leaves: usize, children: usize, area: &dyn Fn(usize) -> f32) -> f32 {
         let as_leaf = leaf_cost(area(leaves), 8 * leaves);
         if leaves == 1 {
@@ -193,7 +193,7 @@ mod tests {
             let lower = choice.lower(children);
             assert!(
                 (1..children).contains(&lower),
-                "each part gets some of {children}"
+                "each side gets some of {children}"
             );
             assert_eq!(choice.best(children), 2, "leaves need one each");
         }
@@ -210,6 +210,6 @@ mod tests {
             &[[f32::INFINITY; WIDTH], [f32::NAN; WIDTH]],
         )
         .0;
-        assert_eq!(endless.lower(8), 1, "still each part gets some");
+        assert_eq!(endless.lower(8), 1, "still each side gets some");
     }
 }

@@ -1,12 +1,14 @@
-//! From a kd-tree to a binary tree of boxes.
+//! Divide: from a kd-tree or a list of triangles to a binary tree of boxes. The one place that decides which splits come from
+//! the kd-tree.
 //!
-//! Above some size, cells are divided by the planes of the kd-tree. A triangle that a plane cuts is cut too, each part in
-//! its own tight box, or goes to one side as a whole where that costs less (M. Stich, H. Friedrich, A. Dietrich, *Spatial
-//! Splits in Bounding Volume Hierarchies*, 2009, section 4.4: reference unsplitting). Below it, triangles are divided as
-//! objects ([`object_split`](crate::object_split)): boxes may overlap where cells may not, and no triangle is in two leaves.
+//! Cells of more than [`PLANES_ABOVE`] triangles are divided by the planes of the kd-tree. A triangle that a plane cuts goes to
+//! both sides, with a tight box for each, or to one side as a whole where that costs less (M. Stich, H. Friedrich,
+//! A. Dietrich, *Spatial Splits in Bounding Volume Hierarchies*, 2009, section 4.4: reference unsplitting). Smaller cells are
+//! divided by object splits ([`object_split`](crate::object_split)): boxes may overlap where cells may not, and no triangle is
+//! in two leaves.
 //!
-//! In large cells, too, objects are divided where the plane costs much more, as it may where a few huge triangles lie among
-//! many small ones: planes that cut off what is empty between those cut the huge ones each time.
+//! A large cell is divided by an object split too where the plane costs much more. That happens where a few huge triangles are
+//! among many small ones: each plane that cuts off empty space also cuts the huge triangles.
 //!
 //! Why both, from a throw-away program over a scan, a city and three rooms (2026-11-25): with all planes of a kd-tree (in
 //! two of the rooms) rays visit about as many nodes as with objects alone (0.9 to 1.12 times) and more blocks, in 1.5 to
@@ -22,20 +24,19 @@ use crate::object_split::ObjectSplit;
 pub const PLANES_ABOVE: usize = 1024;
 /// Items that are not divided.
 const FEW: usize = 8;
-/// Objects are divided in place of a cell where that costs less than so much of what the plane does. (At 1 rays are a little
-/// slower in rooms.)
+/// An object split replaces a plane that costs more than one over this as much. (At 1 rays are a little slower in rooms.)
 const CHEAPER: f64 = 0.9;
-/// After so many divisions of objects they are divided in halves.
+/// Object splits on a path before items are divided in halves by number.
 pub(crate) const MOST_DIVISIONS: usize = 32;
-/// Levels of splits that there are at most: planes, divisions of objects, and halves of what 32 bits count; and above them
-/// those of subtrees that are joined, which are divided as objects.
+/// The largest number of levels of a wide tree: those of planes, of object splits and of halves of a 32-bit number; and above
+/// them those of a join, which divides by object splits and halves. A ray's stack holds seven children a level.
 pub const MAX_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
-/// Cells of so many triangles are worth a task.
+/// The fewest triangles on the smaller side of a plane that are worth a task.
 const TASK: usize = 1 << 14;
-/// So many triangles are, where they are divided as objects: some hundreds of microseconds.
+/// The fewest items on the smaller side of an object split that are worth a task: some hundreds of microseconds.
 const OBJECT_TASK: usize = 1 << 11;
 
-/// One over the half area of a box, or 0 if that is none.
+/// One over the half area of a box; 0 if the area is 0.
 pub(crate) fn per_area(bounds: &Aabb) -> f64 {
     let area = bounds.half_area();
     if area > 0.0 { area.recip() } else { 0.0 }
@@ -93,8 +94,8 @@ struct Divider<'a> {
 }
 
 impl Divider<'_> {
-    /// Adds the boxes of `items`, of which there are some, with the planes of a subtree as far as they go. `divisions` is how
-    /// often these were divided as objects.
+    /// Adds the boxes of `items`, at least one, divided by the planes of a subtree of the kd-tree. `divisions` counts the object
+    /// splits above.
     fn by_planes(
         &self,
         mut at: NodeIndex,
@@ -129,12 +130,12 @@ impl Divider<'_> {
         }
     }
 
-    /// Cells are a task where planes divide them, and seldom large enough to be one here.
+    /// On one thread: planes have divided the work into tasks, and a small cell seldom is worth one.
     fn by_objects(&self, items: &mut [Item], divisions: usize, to: &mut BoxTree) -> Added {
         by_objects(items, divisions, self.per_area, false, to)
     }
 
-    /// A division as objects that costs less than one by a plane.
+    /// An object split that costs less than 0.9 of the plane.
     fn cheaper_objects(
         &self,
         items: &[Item],
@@ -169,8 +170,8 @@ impl Divider<'_> {
     }
 }
 
-/// Adds the boxes of triangles, of which there are some, divided as objects. `divisions` is how often they were already, and
-/// `per_area` one over the half area of the root's box.
+/// Adds the boxes of items, at least one, by object splits. `divisions` counts those above; `per_area` is one over the half area
+/// of the root's box.
 fn by_objects(
     items: &mut [Item],
     divisions: usize,
@@ -206,7 +207,7 @@ fn by_objects(
     to.set_split(place, division.axis, parts, per_area)
 }
 
-/// What lies on either side of a plane, and what that costs: the half areas of both boxes, each times its items.
+/// The items on both sides of a plane, and their SAH cost: the half area of each box times its number of items.
 struct Sides {
     items: [Vec<Item>; 2],
     cost: f64,
@@ -238,13 +239,13 @@ impl Sides {
         let mut bounds = [around(&lower, 0), around(&upper, 1)];
         let mut counts = [lower.len() + both.len(), upper.len() + both.len()];
         for (item, half) in both.into_iter().zip(halves) {
-            match Self::place(&item, half, bounds, counts) {
-                Place::Side(side) => {
+            match Self::destination(&item, half, bounds, counts) {
+                Destination::Side(side) => {
                     bounds[side] = bounds[side].union(&item.bounds());
                     counts[side ^ 1] -= 1;
                     [&mut lower, &mut upper][side].push(item);
                 }
-                Place::Both(parts) => {
+                Destination::Both(parts) => {
                     lower.push(Item::within(parts[0], item.number));
                     upper.push(Item::within(parts[1], item.number));
                 }
@@ -257,30 +258,35 @@ impl Sides {
         }
     }
 
-    /// What costs least: cutting the triangle, or putting all of it on one side.
-    fn place(item: &Item, half: [Option<Aabb>; 2], bounds: [Aabb; 2], counts: [usize; 2]) -> Place {
+    /// The cheapest of three: the triangle cut, or whole on either side.
+    fn destination(
+        item: &Item,
+        half: [Option<Aabb>; 2],
+        bounds: [Aabb; 2],
+        counts: [usize; 2],
+    ) -> Destination {
         let [Some(lower), Some(upper)] = half else {
-            return Place::Side(usize::from(half[0].is_none()));
+            return Destination::Side(usize::from(half[0].is_none()));
         };
         let cost = |bounds: &Aabb, count: usize| bounds.half_area() * count as f64;
-        let as_it_is = [0, 1].map(|side| cost(&bounds[side], counts[side]));
+        let as_cut = [0, 1].map(|side| cost(&bounds[side], counts[side]));
         let whole_on = |side: usize| {
             let grown = cost(&bounds[side].union(&item.bounds()), counts[side]);
             grown + cost(&bounds[side ^ 1], counts[side ^ 1] - 1)
         };
-        let (cut, on_lower, on_upper) = (as_it_is[0] + as_it_is[1], whole_on(0), whole_on(1));
+        let (cut, on_lower, on_upper) = (as_cut[0] + as_cut[1], whole_on(0), whole_on(1));
         if on_lower <= on_upper && on_lower <= cut {
-            Place::Side(0)
+            Destination::Side(0)
         } else if on_upper <= cut {
-            Place::Side(1)
+            Destination::Side(1)
         } else {
-            Place::Both([lower, upper])
+            Destination::Both([lower, upper])
         }
     }
 }
 
-/// Where a triangle goes that a plane cuts.
-enum Place {
+/// Where a triangle that a plane cuts goes.
+enum Destination {
     Side(usize),
     Both([Aabb; 2]),
 }

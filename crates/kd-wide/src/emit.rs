@@ -1,8 +1,7 @@
-//! Wide nodes and blocks from a tree of boxes.
+//! Emit: wide nodes and blocks from a collapsed tree of boxes.
 //!
-//! Nodes lie in order of depth first, blocks in the order in which their leaves are met. How many there are is counted
-//! first, so that all of them are written where they stay, on any number of threads. Leaves are triangles, or subtrees that
-//! were written before.
+//! Nodes are stored in depth-first order, blocks in the order of their leaves. They are counted first, so that any number of
+//! threads writes each at its final place. Leaves are triangles, or finished subtrees.
 
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
@@ -11,10 +10,10 @@ use crate::block::Block;
 use crate::box_tree::{BoxTree, Kind};
 use crate::node::{Child, WIDTH, WideNode};
 
-/// What fits one leaf.
+/// Triangles that fit one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;
 
-/// Nodes and blocks of a part of a tree.
+/// Numbers of nodes and blocks of a subtree.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     nodes: usize,
@@ -28,39 +27,39 @@ impl Counts {
     }
 }
 
-/// What leaves become.
+/// How leaves are written.
 trait WriteLeaves: Sync {
     fn counts(&self, items: &[u32]) -> Counts;
 
-    /// Writes a leaf, to exactly the space it needs.
+    /// Writes a leaf to exactly the space that it needs.
     fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child;
 }
 
 /// Blocks of the triangles of a mesh.
 struct Triangles<'a>(&'a Mesh);
 
-/// Nodes that are there already.
+/// Finished subtrees.
 struct Links<'a>(&'a [Child]);
 
 /// Makes nodes and blocks.
 struct Emitter<'a, L> {
     boxes: &'a BoxTree,
     leaves: &'a L,
-    /// What each node of the boxes becomes, where it is a child of a wide node.
+    /// For each box that is a child of a wide node: the nodes and blocks that it becomes.
     counts: Vec<Counts>,
     is_parallel: bool,
 }
 
-/// Where a part of a tree goes.
+/// The memory of a subtree.
 struct Space<'a> {
     nodes: &'a mut [WideNode],
     blocks: &'a mut [Block],
-    /// What comes before it.
+    /// The nodes and blocks before it.
     before: Counts,
 }
 
 impl<'a> Space<'a> {
-    /// The first so many of what is left.
+    /// Takes the first ones.
     fn take(&mut self, counts: Counts) -> Self {
         let (nodes, later_nodes) = std::mem::take(&mut self.nodes).split_at_mut(counts.nodes);
         let (blocks, later_blocks) = std::mem::take(&mut self.blocks).split_at_mut(counts.blocks);
@@ -75,16 +74,17 @@ impl<'a> Space<'a> {
     }
 }
 
-/// The children of a wide node, as their binary tree.
+/// The children of a wide node, as the binary tree that they come from.
 #[derive(Debug)]
 enum Group {
-    /// In this lane.
+    /// The child in this lane.
     Child(u32),
-    /// The lower and the upper part on an axis.
-    Parts(usize, Box<[Self; 2]>),
+    /// The lower and the upper group on an axis.
+    Split(usize, Box<[Self; 2]>),
 }
 
-/// Nodes over subtrees, by their numbers, that are written already, in arrays that have so many nodes before; and the root.
+/// Nodes over finished subtrees, and their root. The subtrees are items of the boxes by number, and `before` is the number of
+/// nodes in the arrays.
 pub(crate) fn emit_links(
     boxes: &BoxTree,
     links: &[Child],
@@ -98,7 +98,7 @@ pub(crate) fn emit_links(
     (nodes, root)
 }
 
-/// All nodes and blocks, and where the root is.
+/// All nodes and blocks, and the root.
 pub(crate) fn emit(
     boxes: &BoxTree,
     mesh: &Mesh,
@@ -108,7 +108,7 @@ pub(crate) fn emit(
     let (mut nodes, blocks, mut child) =
         emit_leaves(boxes, &triangles, Counts::default(), is_parallel);
     if let (Some(root), true) = (boxes.root(), child.is_leaf()) {
-        // Nothing else has the box of a tree that is one leaf, and rays that miss it should not pay for its triangles.
+        // A tree of one leaf needs a node for its box: rays that miss the box do not test its triangles.
         let mut node = WideNode::EMPTY;
         node.set(0, &boxes.node(root).bounds, child);
         nodes.push(node);
@@ -133,7 +133,7 @@ fn emit_leaves<L: WriteLeaves>(
         is_parallel,
     };
     let counts = emitter.count(root);
-    // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
+    // Zeroed pages of the system, untouched: threads share the work of touching them.
     let mut nodes = bytemuck::zeroed_vec(counts.nodes);
     let mut blocks = bytemuck::zeroed_vec(counts.blocks);
     let space = Space {
@@ -146,7 +146,7 @@ fn emit_leaves<L: WriteLeaves>(
 }
 
 impl<L: WriteLeaves> Emitter<'_, L> {
-    /// Counts what a part becomes as a child, and notes it for it and for all below it.
+    /// Counts the nodes and blocks of a subtree as a child, and stores the counts of it and of all below it.
     fn count(&mut self, index: u32) -> Counts {
         let counts = if self.boxes.node(index).choice.is_leaf() {
             self.leaves.counts(self.boxes.items(index))
@@ -165,7 +165,7 @@ impl<L: WriteLeaves> Emitter<'_, L> {
         counts
     }
 
-    /// The children of the wide node that a part becomes.
+    /// The children of the wide node that a box becomes.
     fn children(&self, index: u32) -> (Group, Vec<u32>) {
         let mut parts = Vec::with_capacity(WIDTH);
         let group = self.share(index, WIDTH, &mut parts);
@@ -177,7 +177,7 @@ impl<L: WriteLeaves> Emitter<'_, L> {
         match node.kind {
             Kind::Split {
                 axis,
-                parts: [lower, upper],
+                children: [lower, upper],
             } if children > 1 => {
                 let of_lower = node.choice.lower(children);
                 let shares = [(lower, of_lower), (upper, children - of_lower)];
@@ -185,7 +185,7 @@ impl<L: WriteLeaves> Emitter<'_, L> {
                     let most = self.boxes.node(part).choice.best(most);
                     self.share(part, most, parts)
                 });
-                Group::Parts(axis.index(), Box::new(groups))
+                Group::Split(axis.index(), Box::new(groups))
             }
             _ => {
                 parts.push(index);
@@ -195,7 +195,7 @@ impl<L: WriteLeaves> Emitter<'_, L> {
         }
     }
 
-    /// Writes a part, to exactly the space it needs.
+    /// Writes a subtree to exactly the space that it needs.
     fn child(&self, index: u32, mut space: Space<'_>) -> Child {
         if self.boxes.node(index).choice.is_leaf() {
             let bounds = self.boxes.node(index).bounds;
@@ -250,7 +250,7 @@ impl WriteLeaves for Links<'_> {
     }
 }
 
-/// A leaf of few triangles is one child; more that could not be divided are dealt out to nodes.
+/// A leaf of few triangles is one child. More triangles, which cannot be divided, are distributed over nodes.
 fn counts_of_leaf(triangles: usize) -> Counts {
     if triangles <= MOST_TRIANGLES {
         return Counts {
@@ -262,14 +262,14 @@ fn counts_of_leaf(triangles: usize) -> Counts {
         nodes: 1,
         blocks: 0,
     };
-    for (start, end) in dealt(triangles) {
+    for (start, end) in ranges(triangles) {
         counts.add(counts_of_leaf(end - start));
     }
     counts
 }
 
-/// Equal parts of so many triangles, in whole blocks, for the children of a node.
-fn dealt(triangles: usize) -> impl Iterator<Item = (usize, usize)> {
+/// Equal ranges of a number of triangles, in whole blocks, for the children of a node.
+fn ranges(triangles: usize) -> impl Iterator<Item = (usize, usize)> {
     let part = triangles.div_ceil(WIDTH).next_multiple_of(LANES);
     (0..triangles)
         .step_by(part)
@@ -289,7 +289,7 @@ fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> C
         blocks: 0,
     });
     let mut node = WideNode::EMPTY;
-    for (lane, (start, end)) in dealt(triangles.len()).enumerate() {
+    for (lane, (start, end)) in ranges(triangles.len()).enumerate() {
         let space = space.take(counts_of_leaf(end - start));
         node.set(
             lane,
@@ -302,11 +302,11 @@ fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> C
 }
 
 impl Group {
-    /// All lanes from far to near for directions of an octant, three bits each.
+    /// All lanes from far to near for the directions of an octant, three bits each.
     fn order(&self, octant: usize) -> u32 {
         let mut lanes = Vec::with_capacity(WIDTH);
         self.add_to(octant, &mut lanes);
-        // Lanes without a child are never met.
+        // Rays never enter lanes without a child.
         let lacking = (0..8_u32).skip(lanes.len());
         lanes.extend(lacking);
         lanes.iter().rev().fold(0, |order, lane| order << 3 | lane)
@@ -315,7 +315,7 @@ impl Group {
     fn add_to(&self, octant: usize, lanes: &mut Vec<u32>) {
         match self {
             Self::Child(lane) => lanes.push(*lane),
-            Self::Parts(axis, parts) => {
+            Self::Split(axis, parts) => {
                 let near = octant >> axis & 1;
                 parts[near ^ 1].add_to(octant, lanes);
                 parts[near].add_to(octant, lanes);

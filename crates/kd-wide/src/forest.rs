@@ -1,4 +1,4 @@
-//! Several wide trees in the same arrays, and the nodes that join them.
+//! A forest: several wide trees in the same arrays, and the nodes that join them.
 
 use kd_core::Mesh;
 use kd_simd::Level;
@@ -8,13 +8,13 @@ use crate::frame::Frame;
 use crate::join::{Join, Joined, join};
 use crate::tree::WideTree;
 
-/// Members, one after the other, that are traced as one [`WideTree`].
+/// Several trees that are traced as one [`WideTree`]: its *members*, numbered from 0.
 ///
-/// A member lies in the same memory as the others and is never looked at again until it changes. What joins them is made anew
-/// by [`join`](Self::join), which only looks at the uppermost nodes of members, and further down where members overlap.
+/// Members share one array of nodes and one of blocks. Unchanged members are not read when others change: [`join`](Self::join)
+/// makes new nodes over all members, and reads only their uppermost nodes, and nodes further down where members overlap.
 ///
-/// Triangles have the numbers of their members plus what is told when a member is put in, so that hits tell which member they are
-/// of. Equal `t` goes to the lower of these numbers, whatever the order of members here.
+/// The slot of a triangle is its number in its tree plus the `first_slot` of its member, so a hit identifies the member. Among
+/// equal `t` the lower slot is reported, in any order of members.
 ///
 /// ```
 /// use kd_core::{Mesh, Ray};
@@ -33,7 +33,7 @@ use crate::tree::WideTree;
 ///
 /// forest.refit(1, &at(0.5)?, 100);
 /// forest.join(Join::default());
-/// let hit = forest.tree().intersect(&ray).expect("still");
+/// let hit = forest.tree().intersect(&ray).expect("the other one");
 /// assert_eq!((hit.triangle, hit.t), (0, 2.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -54,23 +54,23 @@ impl WideForest {
         }
     }
 
-    /// How many members there are.
+    /// The number of members.
     pub fn len(&self) -> usize {
         self.tree.arrays.members().len()
     }
 
-    /// Whether there are no members.
+    /// Whether the forest has no members.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Adds a copy of `tree` after the other members, with `first_slot` added to the numbers of its triangles.
+    /// Adds a copy of `tree` as the last member, with `first_slot` added to the numbers of its triangles, modulo 2³².
     ///
     /// Linear in the size of the member.
     ///
     /// # Panics
     ///
-    /// If `tree` is that of a forest. Where a number of a triangle does not fit 32 bits, it is wrapped.
+    /// If `tree` is that of a forest.
     pub fn push(&mut self, tree: &WideTree, first_slot: u32) {
         let member = tree.arrays.as_member();
         self.tree
@@ -78,7 +78,7 @@ impl WideForest {
             .push_member(&tree.arrays, &member, first_slot);
     }
 
-    /// Adds a copy of a member of another forest after the other members. Linear in the size of the member.
+    /// Adds a copy of a member of another forest as the last member. Linear in the size of the member.
     ///
     /// # Panics
     ///
@@ -90,7 +90,7 @@ impl WideForest {
             .push_member(from, &from.members()[number], 0);
     }
 
-    /// Adds a copy of one of the members after the others. Linear in the size of the member.
+    /// Adds a copy of a member of this forest as the last member. Linear in the size of the member.
     ///
     /// # Panics
     ///
@@ -99,12 +99,12 @@ impl WideForest {
         self.tree.arrays.push_again(number);
     }
 
-    /// Takes out the members from a number on.
+    /// Removes the members from a number on.
     pub fn truncate(&mut self, members: usize) {
         self.tree.arrays.truncate_members(members);
     }
 
-    /// Adds to the numbers of all triangles of a member, modulo 2³². Linear in the size of the member.
+    /// Adds to the slots of all triangles of a member, modulo 2³². Linear in the size of the member.
     ///
     /// # Panics
     ///
@@ -113,11 +113,11 @@ impl WideForest {
         self.tree.arrays.add_to_slots(number, slots);
     }
 
-    /// Moves the triangles of a member to where they are in `mesh`, which has as many as it was made from: it keeps its
-    /// nodes, with boxes around what is now in them. `first_slot` is that of [`push`](Self::push).
+    /// Moves the triangles of a member to their positions in `mesh`, which has as many as the member was made from. The nodes
+    /// stay, with boxes around the moved triangles. `first_slot` is that of [`push`](Self::push).
     ///
-    /// Linear in the size of the member. Where triangles that were neighbours member, rays become slow: [`cost`](Self::cost)
-    /// tells.
+    /// Linear in the size of the member. Rays become slow where neighbouring triangles move apart: [`cost`](Self::cost)
+    /// measures it.
     ///
     /// # Panics
     ///
@@ -131,8 +131,8 @@ impl WideForest {
         self.refit_all(&[refit], false);
     }
 
-    /// [`refit`](Self::refit) for several members, in the order of their numbers; on the threads of the pool in scope (rayon's)
-    /// if `is_parallel`, and with the same result. Without feature `parallel` it is one thread.
+    /// [`refit`](Self::refit) for several members, in ascending order of their numbers. Parallel: on the threads of the pool in
+    /// scope (rayon's), a task for each member, with the same result.
     ///
     /// # Panics
     ///
@@ -141,9 +141,9 @@ impl WideForest {
         self.tree.arrays.refit_members(refits, is_parallel);
     }
 
-    /// What a member costs by the surface area heuristic: half areas of the boxes of all nodes and leaves below its root, each
-    /// times what a ray takes that enters it, in visits of a node. Over the half area of a scene, it is what a random ray
-    /// through that takes in this member, on average.
+    /// The SAH cost of a member: the half areas of the boxes of all nodes and leaves below its root, in squared scene units, each
+    /// times the cost of a ray that enters it, in visits of a node. Divided by the half area of a scene, it is the average cost
+    /// of a random ray through the scene in this member.
     ///
     /// Linear in the size of the member.
     ///
@@ -154,16 +154,16 @@ impl WideForest {
         self.tree.arrays.cost_of_member(number)
     }
 
-    /// Joins the members, after which all of them can be traced. Until then, since the last change, nothing is hit.
+    /// Joins the members, so that rays hit all of them. After any change of members, rays hit nothing until the next join.
     ///
-    /// Where members lie apart, this takes time by their number alone.
+    /// Members that do not overlap cost time by their number alone.
     pub fn join(&mut self, options: Join) -> Joined {
         let (joined, bounds) = join(&mut self.tree.arrays, options);
         self.tree.frame = Frame::new(&bounds);
         joined
     }
 
-    /// What rays are traced through: the members, as they were joined.
+    /// The joined members, for rays.
     pub fn tree(&self) -> &WideTree {
         &self.tree
     }
@@ -187,7 +187,7 @@ impl Default for WideForest {
 mod tests {
     use super::*;
 
-    /// Triangles in a row of members that overlap with their neighbours, and where they are later.
+    /// A row of members that overlap with their neighbors, and their later positions.
     fn forest_of_many(count: u32) -> (WideForest, Vec<Mesh>) {
         let member = |number: u32, shift: f32| {
             let x = number as f32 * 0.3 + shift;
@@ -231,7 +231,7 @@ mod tests {
         assert!(joined.opened > 0 && joined.links > 1000, "{joined:?}");
         assert_eq!(joined, same, "the same work");
         let [alone, together] = [alone, together].map(|forest| format!("{:?}", forest.tree.arrays));
-        assert!(alone == together, "number by number");
+        assert!(alone == together, "byte by byte");
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! The nodes that join the members of a tree, which stay as they are.
+//! Join: new nodes over the members of a forest, which do not change.
 //!
-//! Members that lie apart are linked whole. Where members overlap, a node that is large for the place it is in is *opened*: its
-//! children take its place, and lie beside what they overlap with, so that rays meet all of it from front to back. Nothing
-//! below a node that was not opened is looked at (C. Benthin, S. Woop, I. Wald, A. Áfra, *Improved Two-Level BVHs using
+//! A member that overlaps no other is linked whole. Where members overlap, a node that is large in its surroundings is *opened*:
+//! its children replace it, beside the nodes that they overlap, so that rays visit all of them from front to back. Nothing
+//! below a node that is not opened is read (C. Benthin, S. Woop, I. Wald, A. Áfra, *Improved Two-Level BVHs using
 //! Partial Re-Braiding*, 2017).
 
 use kd_core::{Aabb, Axis};
@@ -14,21 +14,20 @@ use crate::emit;
 use crate::node::Child;
 use crate::object_split::ObjectSplit;
 
-/// How members are joined.
+/// Options of a join.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Join {
-    /// Nodes are opened whose box has at least this member of the half area of the box around all that is joined in a place.
-    /// Infinite: none.
+    /// A node is opened if its box has at least this fraction of the half area of the box around all that is joined beside it,
+    /// and overlaps another member. Infinite: never.
     pub open_above: f64,
-    /// Whether it is done on the threads of the pool in scope (rayon's), where there are many members. The result is the same.
-    /// Without feature `parallel` it is one thread.
+    /// Whether many members are joined on the threads of the pool in scope (rayon's). The result is the same.
     pub is_parallel: bool,
 }
 
 impl Default for Join {
-    /// Opens above 0.3. (Rays of ten frames of a car in a kitchen, over a tree built anew, geometric means, a throw-away
-    /// program of 2026-11-25: 1.00 for 0.1, 0.99 for 0.3 with half of the nodes opened, 1.05 for none opened; 0.01 and 0.03
-    /// as 0.1 within the noise.) One thread.
+    /// Opens above 0.3, on one thread. (Times of rays of ten frames of a car in a kitchen, relative to a rebuilt tree, geometric
+    /// means, a throw-away program of 2026-11-25: 1.00 for 0.1, 0.99 for 0.3 with half of the nodes opened, 1.05 for none
+    /// opened; 0.01 and 0.03 as 0.1 within the noise.)
     fn default() -> Self {
         Self {
             open_above: 0.3,
@@ -37,14 +36,14 @@ impl Default for Join {
     }
 }
 
-/// What was joined.
+/// The outcome of a join, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Joined {
     /// New nodes over the members.
     pub nodes: usize,
-    /// Subtrees of members that those refer to.
+    /// Subtrees of members that the new nodes refer to.
     pub links: usize,
-    /// Nodes of members that were opened, so that rays no longer visit them.
+    /// Nodes of members that were opened: rays no longer visit them.
     pub opened: usize,
 }
 
@@ -55,7 +54,7 @@ struct Link {
     member: u32,
 }
 
-/// Subtrees below which those on either side of a division are not worth a thread of their own.
+/// The fewest subtrees on the smaller side of a split that are worth a task.
 const TASK: usize = 256;
 
 struct Joiner<'a> {
@@ -64,14 +63,14 @@ struct Joiner<'a> {
     per_area: f64,
 }
 
-/// What has been joined of a place, and what of.
+/// A joined region: its links and the boxes over them.
 struct Joint {
     links: Vec<Link>,
     opened: usize,
     boxes: BoxTree,
 }
 
-/// Puts a top over all members, and tells the box around them.
+/// Puts a top over all members. Returns its numbers, and the box around all members.
 pub(crate) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
     let mut links = Vec::new();
     let mut items = Vec::new();
@@ -126,7 +125,7 @@ impl Joint {
 }
 
 impl Joiner<'_> {
-    /// Adds the boxes of what lies in a place. `divisions` is how often that was divided.
+    /// Adds the boxes of the items of a region. `divisions` counts the splits above.
     fn add(&self, mut items: Vec<Item>, divisions: usize, to: &mut Joint) -> Added {
         if divisions < MOST_DIVISIONS {
             self.open(&mut items, to);
@@ -168,7 +167,7 @@ impl Joiner<'_> {
         [lower, self.add(upper, divisions, to)]
     }
 
-    /// Opens what is large among them, and overlaps with something of another member.
+    /// Opens the items that are large and overlap an item of another member.
     fn open(&self, items: &mut Vec<Item>, to: &mut Joint) {
         let least = self.options.open_above * Item::around(items).half_area();
         let mut next = 0;
@@ -195,14 +194,14 @@ impl Joiner<'_> {
 }
 
 impl Joint {
-    /// Whether two overlap, and are of different members.
+    /// Whether two items overlap and are of different members.
     fn is_mixed(&self, a: &Item, b: &Item) -> bool {
         let overlap = a.min.cmple(b.max) & b.min.cmple(a.max);
         overlap.all()
             && self.links[a.number as usize].member != self.links[b.number as usize].member
     }
 
-    /// The links of some items, which are numbered anew for them.
+    /// The links of some items, which get new numbers.
     fn take_links(&self, items: &mut [Item]) -> Vec<Link> {
         let numbered = items.iter_mut().zip(0..);
         numbered
@@ -210,7 +209,7 @@ impl Joint {
             .collect()
     }
 
-    /// Adds all of what was joined elsewhere, whose root was added to it last as `root`.
+    /// Adds another region, whose root was added to it last as `root`.
     fn append(&mut self, other: &Self, root: Added) -> Added {
         let links = to_u32(self.links.len());
         self.links.extend(&other.links);

@@ -1,4 +1,4 @@
-//! Where to divide triangles as objects: between bins of their centres, by the surface area heuristic (I. Wald, *On fast
+//! The object split: triangles divided between bins of their centers, by the surface area heuristic (I. Wald, *On fast
 //! Construction of SAH-based Bounding Volume Hierarchies*, 2007).
 
 use glam::Vec3A;
@@ -6,13 +6,12 @@ use kd_core::Axis;
 
 use crate::box_tree::Item;
 
-/// Parts of an axis, between which a division may be: of many items, and of few, for which looking at every part takes
-/// longer than at every item.
+/// Bins of an axis: for many items, and for few, where visiting all bins takes longer than visiting all items.
 const BINS: usize = 32;
 const BINS_OF_FEW: usize = 16;
 const FEW: usize = 48;
 
-/// Adding it leaves the nearest integer in the lowest bits.
+/// 2²³: adding it leaves the nearest integer in the lowest bits.
 const TO_INTEGER: f32 = (1 << 23) as f32;
 
 /// A division of items between two bins of their centers: the object split of the whole workspace.
@@ -36,13 +35,13 @@ pub struct ObjectSplit {
     /// The axis that the bins are on.
     pub axis: Axis,
     bins: Bins,
-    /// The first bin of the upper part.
+    /// The first bin of the upper side.
     first_upper: u32,
     /// The SAH cost: the half area of the box on each side times its number of items, in squared scene units.
     pub cost: f32,
 }
 
-/// Equal parts of each axis, measured in twice the coordinates of centres. (The first and the last are half as long.)
+/// Bins of equal width on each axis, in twice the coordinates of centers. (The first and the last are half as wide.)
 #[derive(Clone, Copy, Debug)]
 struct Bins {
     start: Vec3A,
@@ -50,14 +49,14 @@ struct Bins {
 }
 
 impl Bins {
-    /// Which bins an item is in. Where an axis has no extent, or overflows, that may be any, `BINS` being a power of two.
+    /// The bin of an item on each axis. On an axis without extent, or where it overflows, any bin: `BINS` is a power of two.
     #[inline(always)]
     fn of(&self, item: &Item, most: u32) -> [u32; 3] {
         let place = (item.min + item.max - self.start) * self.per_unit + TO_INTEGER;
         place.to_array().map(|place| place.to_bits() & most)
     }
 
-    /// Which bin of one axis an item is in.
+    /// The bin of an item on one axis.
     #[inline(always)]
     fn of_axis(&self, item: &Item, axis: usize, most: u32) -> u32 {
         let place = (item.min[axis] + item.max[axis] - self.start[axis]) * self.per_unit[axis];
@@ -65,7 +64,7 @@ impl Bins {
     }
 }
 
-/// Items and the box around them.
+/// A number of items and the box around them.
 #[derive(Clone, Copy, Debug)]
 struct Group {
     min: Vec3A,
@@ -86,7 +85,7 @@ impl Group {
         self.count += other.count;
     }
 
-    /// Half the area of the box for each item.
+    /// The half area of the box times the number of items.
     fn cost(&self) -> f32 {
         let d = self.max - self.min;
         if self.count == 0 {
@@ -132,7 +131,7 @@ impl ObjectSplit {
         let mut best: Option<Self> = None;
         for (axis, groups) in Axis::ALL.into_iter().zip(&groups) {
             let along = axis.index();
-            // Where differences overflow, it is 0, and all would be in one bin.
+            // It is 0 where differences overflow, and then all items are in one bin.
             let is_divided = per_unit[along] > 0.0 && per_unit[along].is_finite();
             if !(start[along] < end[along] && is_divided) {
                 continue;
@@ -159,7 +158,7 @@ impl ObjectSplit {
         let mut lower = 0;
         for at in 0..items.len() {
             let is_lower = self.bins.of_axis(&items[at], axis, last) < self.first_upper;
-            // Always swapped, and counted or not: whether it is lower is anybody's guess, a processor's too.
+            // Always swapped, and counted or not: a branch on the side would be unpredictable.
             items.swap(at, lower);
             lower += usize::from(is_lower);
         }
@@ -167,13 +166,14 @@ impl ObjectSplit {
     }
 }
 
-/// The last bin for so many items.
+/// The last bin for these items.
 fn most_bin(items: &[Item]) -> u32 {
     if items.len() > FEW { 31 } else { 15 }
 }
 const _: () = assert!(BINS == 32 && BINS_OF_FEW == 16, "the last bins");
 
-/// Before which bin to divide, and what that costs. The first and the last bin are never empty, so neither part is.
+/// The first bin of the upper side at least SAH cost, and the cost. The first and the last bin are never empty, so neither side
+/// is.
 #[inline(always)]
 fn cheapest<const COUNT: usize>(groups: &[Group; COUNT]) -> (u32, f32) {
     let mut upper_costs = [0.0; COUNT];
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn two_heaps_are_told_apart() {
+    fn two_clusters_are_separated() {
         for axis in Axis::ALL {
             let mut items: Vec<Item> = (0..40)
                 .map(|i| {
@@ -222,7 +222,7 @@ mod tests {
             let split = ObjectSplit::best(&items).expect("they differ");
             assert_eq!(split.axis, axis, "the axis they are apart on");
             let middle = split.apply(&mut items);
-            assert_eq!(middle, 26, "all of the nearer heap");
+            assert_eq!(middle, 26, "all of the nearer cluster");
             assert!(
                 items[..middle].iter().all(|item| item.number % 3 != 0),
                 "{items:?}"
@@ -231,9 +231,9 @@ mod tests {
     }
 
     #[test]
-    fn one_place_is_not_divided_and_huge_ones_are() {
+    fn equal_centers_are_not_divided_and_huge_distances_are() {
         let pile: Vec<Item> = (0..9).map(|i| cube_at(Vec3::ONE, i)).collect();
-        assert!(ObjectSplit::best(&pile).is_none(), "one place");
+        assert!(ObjectSplit::best(&pile).is_none(), "equal centers");
         let mut far: Vec<Item> = (0..9)
             .map(|i| cube_at(Vec3::X * 1e30 * i as f32, i))
             .collect();
@@ -242,9 +242,9 @@ mod tests {
         assert!((1..9).contains(&middle), "{middle} of 9");
     }
 
-    /// Twice the coordinate of a centre may overflow, and so may how far two are apart.
+    /// Twice the coordinate of a center may overflow, and so may the distance of two centers.
     #[test]
-    fn what_is_too_far_apart_is_divided_along_other_axes() {
+    fn an_axis_that_overflows_is_not_used() {
         for far in [1e38, 3e38] {
             let at = |y: f32| {
                 let items = (0..9).map(|i| {
@@ -254,7 +254,7 @@ mod tests {
                 items.collect::<Vec<Item>>()
             };
             let is_divided = ObjectSplit::best(&at(0.0)).is_some();
-            assert!(!is_divided, "{far:e}: there is no other axis");
+            assert!(!is_divided, "{far:e}: no other axis has extent");
             let mut items = at(100.0);
             let split = ObjectSplit::best(&items).expect("along y");
             assert_eq!(split.axis, Axis::Y, "{far:e}");

@@ -1,4 +1,4 @@
-//! Members that lie one after the other, and the top over them.
+//! The members of a forest, one after another in the same arrays, and the top over them.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use super::Arrays;
 use crate::block::Block;
 use crate::node::{Child, WideNode};
 
-/// Nodes and blocks that lie together and refer to nothing else.
+/// A range of nodes and a range of blocks. The nodes refer to these ranges only.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Member {
     nodes: Range<usize>,
@@ -43,13 +43,13 @@ impl Arrays {
         &self.members
     }
 
-    /// All of a tree that was made in one go, as a member.
+    /// All of a tree that was not joined, as a member.
     ///
     /// # Panics
     ///
-    /// If it has members.
+    /// If the tree was joined.
     pub(crate) fn as_member(&self) -> Member {
-        assert!(self.members.is_empty(), "a tree that was made in one go");
+        assert!(self.members.is_empty(), "a tree that was not joined");
         Member {
             nodes: 0..self.nodes.len(),
             blocks: 0..self.blocks.len(),
@@ -57,22 +57,22 @@ impl Arrays {
         }
     }
 
-    /// How many nodes the members have.
+    /// The number of nodes of all members.
     pub(crate) fn nodes_of_members(&self) -> usize {
         self.members.last().map_or(0, |member| member.nodes.end)
     }
 
-    /// Drops the top: nothing is left to trace.
+    /// Drops the top. Rays hit nothing until there is a new one.
     pub(crate) fn clear_top(&mut self) {
         self.nodes.truncate(self.nodes_of_members());
         self.root = Child::NOTHING;
     }
 
-    /// Puts nodes over the members, the first of which comes after their last.
+    /// Puts the top over the members: nodes that follow theirs.
     ///
     /// # Panics
     ///
-    /// If a child is not there.
+    /// If a child is not among the nodes and blocks.
     pub(crate) fn set_top(&mut self, top: &[WideNode], root: Child) {
         self.clear_top();
         let nodes = self.nodes.len() + top.len();
@@ -87,8 +87,7 @@ impl Arrays {
         self.root = root;
     }
 
-    /// Adds a member of other arrays after the last one, with `slots` added to the numbers of its triangles. The top is
-    /// dropped.
+    /// Copies a member of other arrays behind the last one, and adds `slots` to the slots of its triangles. Drops the top.
     pub(crate) fn push_member(&mut self, from: &Self, member: &Member, slots: u32) {
         self.clear_top();
         let (nodes, blocks) = (self.nodes.len(), self.blocks.len());
@@ -104,7 +103,7 @@ impl Arrays {
         self.add_to_slots(self.members.len() - 1, slots);
     }
 
-    /// Adds one of the members once more, after the last one. The top is dropped.
+    /// Copies one of the members behind the last one. Drops the top.
     pub(crate) fn push_again(&mut self, number: usize) {
         self.clear_top();
         let member = self.members[number].clone();
@@ -119,7 +118,7 @@ impl Arrays {
         self.end_member(member.root, by);
     }
 
-    /// Makes a member of what comes after the last one, and was moved there from another place.
+    /// Makes a member of the nodes and blocks behind the last one, whose indices moved `by` these numbers.
     fn end_member(&mut self, root: Child, by: (usize, usize)) {
         let last = self.members.last();
         let (nodes, blocks) = last.map_or((0, 0), |member| (member.nodes.end, member.blocks.end));
@@ -136,7 +135,7 @@ impl Arrays {
         });
     }
 
-    /// Adds to the numbers of all triangles of a member, modulo 2³².
+    /// Adds to the slots of all triangles of a member, modulo 2³².
     pub(crate) fn add_to_slots(&mut self, number: usize, slots: u32) {
         if slots == 0 {
             return;
@@ -149,7 +148,7 @@ impl Arrays {
         }
     }
 
-    /// Takes out the members from a number on. The top is dropped.
+    /// Removes the members from a number on. Drops the top.
     pub(crate) fn truncate_members(&mut self, number: usize) {
         self.clear_top();
         self.members.truncate(number);
@@ -159,7 +158,7 @@ impl Arrays {
     }
 }
 
-/// Not twice as much room as what is there, which may be a large scene that stands still: an eighth more.
+/// Reserves an eighth more than needed. (Doubling would waste as much memory as a large static scene takes.)
 fn reserve<T>(all: &mut Vec<T>, more: usize) {
     let len = all.len() + more;
     if len > all.capacity() {
@@ -171,7 +170,7 @@ fn reserve<T>(all: &mut Vec<T>, more: usize) {
 mod tests {
     use super::*;
 
-    /// A member of as many nodes, each the parent of the next, and a block at the end.
+    /// A member of this number of nodes, each the parent of the next, and a block at the end.
     fn chain(nodes: usize) -> Arrays {
         let mut all = Vec::new();
         for place in 0..nodes {
@@ -188,7 +187,7 @@ mod tests {
         Arrays::new(all, vec![block], Child::node(0))
     }
 
-    /// Follows a chain down to the number of its triangle, and tells its length.
+    /// Follows a chain down: its length, and the slot of its triangle.
     fn follow(arrays: &Arrays, number: usize) -> (usize, u32) {
         let mut child = arrays.members()[number].root();
         let mut length = 0;
@@ -226,7 +225,7 @@ mod tests {
         assert_eq!(
             [0, 1, 2].map(|number| follow(&others, number)),
             [(4, 20), (9, 15), (4, 20)],
-            "copied, and numbered anew"
+            "copied, with new numbers"
         );
         arrays.truncate_members(1);
         push(&mut arrays, 3, 7);
@@ -238,7 +237,7 @@ mod tests {
         assert_eq!(
             (arrays.nodes().len(), arrays.blocks().len()),
             (5, 2),
-            "of which nothing is left"
+            "the others are removed"
         );
     }
 
@@ -260,7 +259,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "every child is a node or blocks of the same tree")]
-    fn a_top_over_what_is_not_there_is_refused() {
+    fn a_top_over_missing_nodes_is_refused() {
         let mut top = WideNode::EMPTY;
         top.children[2] = Child::node(1);
         Arrays::empty().set_top(&[top], Child::node(0));

@@ -1,4 +1,4 @@
-//! Members whose triangles have moved: the same nodes with new boxes, and what they are worth.
+//! Refitting: the same nodes with new boxes, after triangles have moved, and their SAH cost.
 
 use kd_core::{Aabb, Mesh};
 
@@ -7,30 +7,30 @@ use crate::block::Block;
 use crate::collapse;
 use crate::node::{Child, WIDTH, WideNode};
 
-/// Where the triangles of a member of a [`WideForest`](crate::WideForest) are now.
+/// The new positions of the triangles of a member of a [`WideForest`](crate::WideForest).
 #[derive(Clone, Copy, Debug)]
 pub struct Refit<'a> {
-    /// Which member.
+    /// The number of the member.
     pub number: usize,
-    /// Has as many triangles as it was made from.
+    /// The triangles at their new positions; as many as the member was made from.
     pub mesh: &'a Mesh,
-    /// Of [`WideForest::push`](crate::WideForest::push).
+    /// The `first_slot` of [`WideForest::push`](crate::WideForest::push).
     pub first_slot: u32,
 }
 
-/// A member to fit anew, and its memory.
+/// A member to refit, and its memory.
 struct Task<'a> {
     refit: Refit<'a>,
     nodes: &'a mut [WideNode],
     blocks: &'a mut [Block],
-    /// The numbers of the first of each.
+    /// The indices of the first of each.
     first_node: usize,
     first_block: usize,
 }
 
 impl Arrays {
-    /// Gives the triangles of members, numbered from their `first_slot`s on, the corners that they have in their meshes, and
-    /// makes their boxes fit. The top is dropped. Linear in the blocks of these members.
+    /// Moves the triangles of members to their positions in the meshes, and fits the boxes. Drops the top. Linear in the blocks
+    /// of these members.
     ///
     /// # Panics
     ///
@@ -64,7 +64,7 @@ impl Arrays {
         kd_tasks::map(tasks, is_parallel, Task::run);
     }
 
-    /// The SAH cost of a member below its root: half areas of boxes, each times what a ray takes that enters it (see
+    /// The SAH cost of a member below its root: the half area of each box times the cost of a ray that enters it (see
     /// [`collapse`]).
     pub(crate) fn cost_of_member(&self, number: usize) -> f64 {
         let mut cost = 0.0;
@@ -89,7 +89,7 @@ impl Task<'_> {
             block.move_corners(self.refit.mesh, self.refit.first_slot);
         }
         let mut bounds = vec![Aabb::EMPTY; self.nodes.len()];
-        // Children come after their parents, so that their boxes are known before.
+        // Children follow their parents, so their boxes are known first.
         for (place, node) in self.nodes.iter_mut().enumerate().rev() {
             let mut around = Aabb::EMPTY;
             for lane in 0..WIDTH {
