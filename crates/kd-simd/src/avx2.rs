@@ -12,7 +12,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use crate::{F32x8, F64x8, LANES, Mask, Number, Simd, Task, U32x8};
+use crate::{F32x8, F64x8, LANES, Mask, Number, Real, Simd, Task, Triple, U32x8};
 
 /// Proof that the processor has AVX2, FMA, POPCNT, LZCNT and BMI1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,6 +57,10 @@ pub struct Floats(__m256);
 #[derive(Clone, Copy, Debug)]
 pub struct Doubles([__m256d; 2]);
 
+/// Three numbers of f64. The fourth lane means nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Corners(__m256d);
+
 /// Eight counters.
 #[derive(Clone, Copy, Debug)]
 pub struct Counters(__m256i);
@@ -72,6 +76,7 @@ pub struct DoubleMask([__m256d; 2]);
 impl Simd for Avx2 {
     type F32 = Floats;
     type F64 = Doubles;
+    type Triple = Corners;
     type U32 = Counters;
 
     #[inline(always)]
@@ -156,6 +161,12 @@ impl Simd for Avx2 {
         let (low, high) = unsafe { (_mm256_castps256_ps128(all), _mm256_extractf128_ps::<1>(all)) };
         // SAFETY: the same.
         Doubles(unsafe { [_mm256_cvtps_pd(low), _mm256_cvtps_pd(high)] })
+    }
+
+    #[inline(always)]
+    fn triple(self, [a, b, c]: [f32; 3]) -> Corners {
+        // SAFETY: there is an `Avx2`.
+        Corners(unsafe { _mm256_cvtps_pd(_mm_setr_ps(a, b, c, 0.0)) })
     }
 
     #[inline(always)]
@@ -306,6 +317,13 @@ impl Doubles {
         Self([unsafe { _mm256_set1_pd(-0.0) }; 2])
     }
 
+    /// Zero. There must be other lanes already.
+    #[inline(always)]
+    fn zero() -> Self {
+        // SAFETY: called for such lanes only, so there is AVX2.
+        Self([unsafe { _mm256_setzero_pd() }; 2])
+    }
+
     #[inline(always)]
     fn blend(self, mask: DoubleMask, other: Self) -> Self {
         let ([a, b], [c, d], [m, n]) = (self.0, other.0, mask.0);
@@ -421,33 +439,39 @@ impl U32x8 for Counters {
     }
 }
 
-impl F64x8 for Doubles {
+impl Real for Doubles {
     #[inline(always)]
-    fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
+    fn scaled(self, factor: f64) -> Self {
         // SAFETY: there are such lanes, so there is AVX2.
-        let (add, mask) = unsafe {
-            (
-                _mm256_set1_epi64x(add.cast_signed()),
-                _mm256_set1_epi64x(mask.cast_signed()),
-            )
-        };
-        let [a, b] = self.0;
-        // SAFETY: the same.
-        let [a, b] = unsafe {
-            [
-                _mm256_add_epi64(_mm256_castpd_si256(a), add),
-                _mm256_add_epi64(_mm256_castpd_si256(b), add),
-            ]
-        };
-        // SAFETY: the same.
-        Self(unsafe {
-            [
-                _mm256_castsi256_pd(_mm256_and_si256(a, mask)),
-                _mm256_castsi256_pd(_mm256_and_si256(b, mask)),
-            ]
-        })
+        Self([unsafe { _mm256_set1_pd(factor) }; 2]) * self
     }
 
+    #[inline(always)]
+    fn is_at_least_zero(self) -> DoubleMask {
+        Self::zero().le(self)
+    }
+
+    #[inline(always)]
+    fn is_at_most_zero(self) -> DoubleMask {
+        self.le(Self::zero())
+    }
+
+    #[inline(always)]
+    fn is_not_zero(self) -> DoubleMask {
+        self.ne(Self::zero())
+    }
+
+    #[inline(always)]
+    fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
+        let [a, b] = self.0;
+        Self([
+            Corners(a).add_and_mask_bits(add, mask).0,
+            Corners(b).add_and_mask_bits(add, mask).0,
+        ])
+    }
+}
+
+impl F64x8 for Doubles {
     #[inline(always)]
     fn narrow(self) -> [f32; LANES] {
         let [a, b] = self.0;
@@ -458,5 +482,128 @@ impl F64x8 for Doubles {
             _mm256_storeu_ps(array.as_mut_ptr(), all);
         }
         array
+    }
+}
+
+operator!(
+    Corners, one:
+    Add add _mm256_add_pd,
+    Sub sub _mm256_sub_pd,
+    Mul mul _mm256_mul_pd,
+);
+
+impl Corners {
+    /// The same number three times. There must be other lanes already.
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        // SAFETY: called for such lanes only, so there is AVX2.
+        Self(unsafe { _mm256_set1_pd(x) })
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f64; 3] {
+        // SAFETY: there are such lanes, so there is AVX2.
+        unsafe {
+            let low = _mm256_castpd256_pd128(self.0);
+            let high = _mm256_extractf128_pd::<1>(self.0);
+            [
+                _mm_cvtsd_f64(low),
+                _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)),
+                _mm_cvtsd_f64(high),
+            ]
+        }
+    }
+}
+
+impl Triple for Corners {
+    type Number = f64;
+
+    #[inline(always)]
+    fn minus(self, number: f64) -> Self {
+        self - Self::splat(number)
+    }
+
+    #[inline(always)]
+    fn times(self, factor: f64) -> Self {
+        self * Self::splat(factor)
+    }
+
+    #[inline(always)]
+    fn next(self) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(self.0) })
+    }
+
+    #[inline(always)]
+    fn previous(self) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { _mm256_permute4x64_pd::<0b11_01_00_10>(self.0) })
+    }
+
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        let [a, b, c] = self.to_array();
+        a + b + c
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        each!(Self, _mm256_max_pd, self, other, one)
+    }
+
+    #[inline(always)]
+    fn max_element(self) -> f64 {
+        let [a, b, c] = self.to_array();
+        Number::max(Number::max(a, b), c)
+    }
+
+    #[inline(always)]
+    fn is_one_sided(self) -> bool {
+        const ALL: i32 = 0b111;
+        // SAFETY: there are such lanes, so there is AVX2.
+        let (above, below) = unsafe {
+            let zero = _mm256_setzero_pd();
+            (
+                _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_GE_OQ>(self.0, zero)),
+                _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, zero)),
+            )
+        };
+        (above & ALL == ALL) | (below & ALL == ALL)
+    }
+
+    #[inline(always)]
+    fn or(self, mask: bool, other: Self) -> Self {
+        if mask { self } else { other }
+    }
+
+    #[inline(always)]
+    fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe {
+            let (add, mask) = (
+                _mm256_set1_epi64x(add.cast_signed()),
+                _mm256_set1_epi64x(mask.cast_signed()),
+            );
+            let sum = _mm256_add_epi64(_mm256_castpd_si256(self.0), add);
+            _mm256_castsi256_pd(_mm256_and_si256(sum, mask))
+        })
+    }
+
+    #[inline(always)]
+    fn with_first(self, first: f64) -> Self {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { _mm256_blend_pd::<1>(self.0, _mm256_set1_pd(first)) })
+    }
+
+    #[inline(always)]
+    fn over(self, divisor: f64) -> [f64; 3] {
+        // SAFETY: there are such lanes, so there is AVX2.
+        Self(unsafe { _mm256_div_pd(self.0, _mm256_set1_pd(divisor)) }).to_array()
     }
 }

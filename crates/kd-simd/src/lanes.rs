@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
-use crate::{max, min};
+use crate::{Triple, max, min};
 
 /// Lanes of a vector.
 pub const LANES: usize = 8;
@@ -14,6 +14,8 @@ pub trait Simd: Copy + Debug {
     type F32: F32x8;
     /// Eight lanes of f64.
     type F64: F64x8;
+    /// Three numbers of f64.
+    type Triple: Triple<Number = f64>;
     /// Eight counters.
     type U32: U32x8<Mask = <Self::F32 as Number>::Mask>;
 
@@ -40,6 +42,8 @@ pub trait Simd: Copy + Debug {
     fn splat_f64(self, x: f64) -> Self::F64;
     /// Converts exactly.
     fn widen(self, from: &[f32; LANES]) -> Self::F64;
+    /// Converts three numbers exactly.
+    fn triple(self, numbers: [f32; 3]) -> Self::Triple;
     /// The same number in all lanes.
     fn splat_u32(self, x: u32) -> Self::U32;
 }
@@ -91,10 +95,22 @@ pub trait F32x8: Number {
     fn low_bytes(self) -> [u8; LANES];
 }
 
-/// Eight lanes of f64.
-pub trait F64x8: Number {
+/// Lanes of f64, eight or one.
+pub trait Real: Number {
+    /// `factor * self`.
+    fn scaled(self, factor: f64) -> Self;
+    /// `self >= 0`, false for NaN.
+    fn is_at_least_zero(self) -> Self::Mask;
+    /// `self <= 0`, false for NaN.
+    fn is_at_most_zero(self) -> Self::Mask;
+    /// `self != 0`, true for NaN.
+    fn is_not_zero(self) -> Self::Mask;
     /// The bits of each lane plus `add`, modulo 2⁶⁴, and with `mask`.
     fn add_and_mask_bits(self, add: u64, mask: u64) -> Self;
+}
+
+/// Eight lanes of f64.
+pub trait F64x8: Real {
     /// Rounds to the nearest f32.
     fn narrow(self) -> [f32; LANES];
 }
@@ -199,17 +215,51 @@ mod tests {
                     a.abs(),
                     a.min(b),
                     a.max(b),
+                    a.scaled(3.7),
                     rounded,
                 ] {
                     bits.extend(x.narrow().map(|x| u64::from(canonical(x).to_bits())));
                     bits.push(x.le(simd.splat_f64(0.5)).bits().into());
                     bits.push((!x.lt(b) | x.ne(a)).bits().into());
+                    bits.push(x.is_at_least_zero().bits().into());
+                    bits.push(x.is_at_most_zero().bits().into());
+                    bits.push(x.is_not_zero().bits().into());
                     let chosen = x.or(a.le(b), b).narrow();
                     bits.extend(chosen.map(|x| u64::from(canonical(x).to_bits())));
                 }
             }
+            let [a, b, c, ..] = self.rows.each_ref().map(|row| [row[0], row[1], row[2]]);
+            bits.extend(of_triples(simd.triple(a), simd.triple(b), simd.triple(c)));
             bits
         }
+    }
+
+    /// Every operation on triples.
+    #[inline(always)]
+    fn of_triples<T: Triple<Number = f64>>(a: T, b: T, c: T) -> Vec<u64> {
+        let canonical = |x: f64| if x.is_nan() { f64::NAN } else { x };
+        let mut bits = Vec::new();
+        for x in [
+            a + b,
+            a - b,
+            a * b,
+            a.minus(0.3),
+            a.times(0.7),
+            a.next(),
+            a.previous(),
+            a.abs(),
+            a.max(b),
+            a.add_and_mask_bits(1 << 26, u64::MAX << 27),
+            a.or(a.is_one_sided(), b),
+            a.or(!b.is_one_sided(), c),
+            a.with_first(0.9),
+        ] {
+            let numbers = [x.sum(), x.max_element()];
+            let all = x.over(1.1).into_iter().chain(numbers);
+            bits.extend(all.map(|x| canonical(x).to_bits()));
+            bits.push(x.is_one_sided().into());
+        }
+        bits
     }
 
     impl<S: Simd> Task<S> for All {

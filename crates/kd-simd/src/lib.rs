@@ -52,10 +52,13 @@ mod float;
 mod lanes;
 mod level;
 pub mod portable;
+mod scalar;
+mod triple;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
 pub use float::{max, min};
-pub use lanes::{F32x8, F64x8, LANES, Mask, Number, Simd, Task, U32x8, max_lane, min_lane};
+pub use lanes::{F32x8, F64x8, LANES, Mask, Number, Real, Simd, Task, U32x8, max_lane, min_lane};
 pub use level::Level;
 pub use portable::Portable;
+pub use triple::{Three, Triple};

@@ -3,7 +3,7 @@
 use std::array::from_fn;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
-use crate::{F32x8, F64x8, LANES, Mask, Number, Simd, Task, U32x8};
+use crate::{F32x8, F64x8, LANES, Mask, Number, Real, Simd, Task, Three, U32x8};
 
 /// The portable level: eight values in an array, for every processor.
 #[derive(Clone, Copy, Debug)]
@@ -16,6 +16,7 @@ pub struct Array<T>([T; LANES]);
 impl Simd for Portable {
     type F32 = Array<f32>;
     type F64 = Array<f64>;
+    type Triple = Three<f64>;
     type U32 = Array<u32>;
 
     #[inline(always)]
@@ -56,6 +57,11 @@ impl Simd for Portable {
     #[inline(always)]
     fn widen(self, from: &[f32; LANES]) -> Self::F64 {
         Array(from.map(f64::from))
+    }
+
+    #[inline(always)]
+    fn triple(self, [a, b, c]: [f32; 3]) -> Three<f64> {
+        Three([a.into(), b.into(), c.into()])
     }
 
     #[inline(always)]
@@ -196,7 +202,27 @@ impl U32x8 for Array<u32> {
     }
 }
 
-impl F64x8 for Array<f64> {
+impl Real for Array<f64> {
+    #[inline(always)]
+    fn scaled(self, factor: f64) -> Self {
+        Self(self.0.map(|x| factor * x))
+    }
+
+    #[inline(always)]
+    fn is_at_least_zero(self) -> Self::Mask {
+        Array(self.0.map(|x| x >= 0.0))
+    }
+
+    #[inline(always)]
+    fn is_at_most_zero(self) -> Self::Mask {
+        Array(self.0.map(|x| x <= 0.0))
+    }
+
+    #[inline(always)]
+    fn is_not_zero(self) -> Self::Mask {
+        Array(self.0.map(|x| x != 0.0))
+    }
+
     #[inline(always)]
     fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
         Self(
@@ -204,7 +230,9 @@ impl F64x8 for Array<f64> {
                 .map(|x| f64::from_bits(x.to_bits().wrapping_add(add) & mask)),
         )
     }
+}
 
+impl F64x8 for Array<f64> {
     #[inline(always)]
     #[allow(
         clippy::cast_possible_truncation,

@@ -7,12 +7,12 @@
 
 use std::marker::PhantomData;
 
+use crate::binary::packed::PackedTree;
+use crate::binary::walk::{Begin, walk};
 #[cfg(target_arch = "x86_64")]
 use crate::collect::{Any, Closest, Collect};
-use crate::packed::PackedTree;
 use crate::planes::Frame;
 use crate::probe::Probe;
-use crate::walk::{Begin, walk};
 use crate::wide;
 #[cfg(target_arch = "x86_64")]
 use crate::wide::avx2::Avx2Ray;

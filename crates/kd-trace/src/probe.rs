@@ -1,14 +1,14 @@
-//! Counting what a traversal does, where somebody wants to know.
+//! Observes the steps of a traversal.
 
-/// Told about every step of a traversal. `()` does not listen, and costs nothing.
+/// Receives every step of a traversal. `()` ignores them, at no cost.
 pub(crate) trait Probe {
     /// An interior node was visited.
     fn node(&mut self) {}
-    /// A leaf was visited, so many triangles are looked at.
+    /// A leaf was visited, with this number of triangles.
     fn leaf(&mut self, _triangles: u32) {}
-    /// A block of triangles is looked at at once.
+    /// A block of triangles is tested.
     fn block(&mut self) {}
-    /// A triangle was not rejected early.
+    /// A triangle was not rejected in f32, and is decided in f64.
     fn decision(&mut self) {}
 }
 

@@ -13,7 +13,8 @@
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 pub(crate) mod batch;
-mod decide;
+mod eight;
+mod limits;
 pub(crate) mod packet;
 pub(crate) mod portable;
 mod queue;
@@ -21,7 +22,6 @@ mod scattered;
 mod sorter;
 mod stack;
 mod tile;
-mod usual;
 pub(crate) mod walk;
 
 use kd_core::{Hit, Ray, RayPacket8};

@@ -1,4 +1,4 @@
-//! Many rays: neighbours that are alike as tiles, then those of the others that are alike, and the rest in turn.
+//! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest in a queue.
 
 use kd_core::{Hit, Ray};
 use kd_wide::WideTree;
@@ -10,25 +10,26 @@ use super::walk::walk;
 use crate::collect::{Any, Closest, Collect};
 use crate::dispatch::TraceSimd;
 
-/// Fewer rays take longer as a tile than one by one.
+/// The fewest rays of a tile. Fewer take longer than one by one.
 pub(super) const FEWEST: usize = 16;
 
-/// Fewer rays take as long in turn as one by one, or longer: at the end there are few on their way.
+/// The fewest rays of a queue. Fewer take as long as one by one or longer: near the end few rays are active.
 const FEWEST_IN_TURN: usize = 64;
 
-/// So many rays are looked at together.
+/// Rays that are sorted together.
 const WINDOW: usize = 4096;
 
-/// Neighbours whose slopes are further from their central one are sorted first. (A fortieth of it was as fast, and more.)
+/// The largest difference of slopes from the central ray in a tile of neighbors. Neighbors that spread further are sorted first.
+/// (A fortieth of it was as fast, and more.)
 const SPREAD_OF_NEIGHBOURS: f32 = 0.25;
 
-/// What is asked of each ray, told by what collects it.
+/// A query, as the collector of its answer.
 pub(crate) trait Query: Collect + Default {
     type Answer: Copy + Default;
 
     fn answer(self) -> Self::Answer;
 
-    /// The answers for the rays that have been gathered.
+    /// Answers the rays that are gathered in a tile.
     fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Self::Answer]);
 }
 
@@ -92,7 +93,7 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
     }
 }
 
-/// Traces rays each by itself.
+/// Traces rays that are in no tile.
 #[inline(always)]
 fn trace_rest<S: TraceSimd, Q: Query>(
     simd: S,

@@ -1,4 +1,4 @@
-//! Nodes and blocks without any instructions in particular: the twin of what is written for AVX2, and what runs elsewhere.
+//! A ray for wide nodes and blocks on any processor: the portable twin of `avx2`.
 
 use std::ops::ControlFlow;
 

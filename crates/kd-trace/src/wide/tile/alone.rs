@@ -1,4 +1,4 @@
-//! Rays of a tile that go on one by one, where they part.
+//! Rays of a tile that go on one by one, where they diverge.
 //!
 //! (After C. Benthin, I. Wald, S. Woop, M. Ernst, W. R. Mark, *Combining Single and Packet-Ray Tracing for Arbitrary Ray
 //! Distributions on the Intel MIC Architecture*, 2012.)
@@ -9,10 +9,10 @@ use super::RAYS;
 use crate::dispatch::TraceSimd;
 use crate::planes::Frame;
 
-/// Work from which on a tile looks whether it pays: more than that of rays that stay together.
+/// Work after which a tile checks how many rays meet a box: more than coherent rays need.
 const PATIENCE: u32 = 48;
 
-/// What a ray takes that goes on alone.
+/// The work of a ray that goes on alone.
 const WALK: u32 = 2;
 
 /// The rays of a tile, each prepared when it is first needed.
@@ -20,13 +20,13 @@ pub(super) struct Alone<S: TraceSimd> {
     rays: Vec<Option<S::Ray>>,
     /// A bit for each ray that is prepared.
     ready: u64,
-    /// What the tile has done, roughly in boxes that groups were tested against.
+    /// The work of the tile, roughly in boxes tested against a group.
     work: u32,
-    /// How much of it there was at the beginning: as if more had been done, where the last tile was wary.
+    /// The initial work: above 0 after a tile that was wary.
     begin: u32,
-    /// How often a ray of the tile went on alone.
+    /// The number of times a ray of the tile went on alone.
     walks: u32,
-    /// What the last tile took, in the same unit.
+    /// The effort of the last tile, in the same unit.
     effort: u32,
 }
 
@@ -42,7 +42,7 @@ impl<S: TraceSimd> Alone<S> {
         }
     }
 
-    /// A new tile.
+    /// Begins a tile.
     #[inline(always)]
     pub(super) fn begin(&mut self) {
         self.ready = 0;
@@ -50,7 +50,7 @@ impl<S: TraceSimd> Alone<S> {
         self.walks = 0;
     }
 
-    /// The tile is done.
+    /// Ends a tile.
     #[inline(always)]
     pub(super) fn end(&mut self) {
         self.effort = self.work - self.begin + WALK * self.walks;
@@ -61,13 +61,13 @@ impl<S: TraceSimd> Alone<S> {
         };
     }
 
-    /// What the last tile took, roughly in boxes that groups were tested against.
+    /// The effort of the last tile, roughly in boxes tested against a group.
     pub(super) fn effort(&self) -> u32 {
         self.effort
     }
 
-    /// The next tile is wary sooner.
-    pub(super) fn expect_parting(&mut self) {
+    /// Makes the next tile wary sooner.
+    pub(super) fn expect_divergence(&mut self) {
         self.begin = PATIENCE / 2;
     }
 
@@ -76,7 +76,7 @@ impl<S: TraceSimd> Alone<S> {
         self.work += amount;
     }
 
-    /// Whether it is to be seen how many rays meet a box.
+    /// Whether to check how many rays meet a box.
     #[inline(always)]
     pub(super) fn is_wary(&mut self) -> bool {
         self.work += 1;

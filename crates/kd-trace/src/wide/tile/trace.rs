@@ -1,4 +1,4 @@
-//! A tile on its way through a tree.
+//! The traversal of a tile.
 
 use kd_core::{Hit, Ray};
 use kd_simd::{F32x8, LANES, Mask, Number, Task, max_lane, min};
@@ -10,10 +10,10 @@ use super::leaf::{self, TERMS_FROM_APEX};
 use super::{OVER, Pending, Tile};
 use crate::collect::{Any, Closest};
 use crate::dispatch::TraceSimd;
-use crate::wide::decide::{Place, decide};
+use crate::wide::eight::{BlockLane, decide};
 use crate::wide::walk::{WideRay, walk_at};
 
-/// So few rays are faster one by one.
+/// At most this number of rays is faster one by one.
 const FEW: u32 = 4;
 
 /// Traces the rays that were gathered in a tile: up to 64.
@@ -23,7 +23,7 @@ pub(super) struct Tracer<'a, S: TraceSimd, const ANY: bool, const TERMS: usize> 
     pub(super) rays: &'a [Ray],
     pub(super) tile: &'a mut Tile,
     pub(super) alone: &'a mut Alone<S>,
-    /// What has been decided so far.
+    /// The hits that are decided so far.
     pub(super) hits: &'a mut [Option<Hit>],
 }
 
@@ -70,7 +70,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
                     let rays = self.rays_in(node, lane, groups);
                     if rays.count_ones() <= FEW {
                         let simd = self.simd;
-                        simd.apart(Parted {
+                        simd.apart(Diverged {
                             tracer: self,
                             place,
                             rays,
@@ -131,7 +131,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
             let tile = &mut *self.tile;
             let (from, speed) = (tile.from[group][lane], tile.speed[group][lane]);
             let limit = &mut tile.limit[group][lane];
-            // What was rounded to the limit, and what is here; rounded on.
+            // The limit was rounded, and so are these operations: increased.
             let more = 1.0 + 4.0 * f32::EPSILON;
             let t = (*limit * more - from) / speed * more;
             let end = min(ray.steps(t), ray.end());
@@ -156,7 +156,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
     fn enter(&mut self, node: &WideNode, index: usize, groups: u32, mut len: usize) -> usize {
         let simd = self.simd;
         let tile = &mut *self.tile;
-        // One group alone is narrower than all of them.
+        // The frustum of one group is narrower than that of all.
         let frustum = if groups.is_power_of_two() {
             tile.groups.splat(simd, groups.trailing_zeros() as usize)
         } else {
@@ -201,8 +201,8 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
         self.alone.work(groups.count_ones());
         for index in leaf.blocks() {
             let block = &blocks[index];
-            leaf::look::<S, TERMS>(simd, &self.tile.view, block, &mut self.tile.edges);
-            // A bit for each group and triangle: one loop over all of them is left as seldom as possible.
+            leaf::prepare::<S, TERMS>(simd, &self.tile.view, block, &mut self.tile.edges);
+            // A bit for each pair of a group and a triangle, so that one loop visits all: fewer mispredicted branches.
             let mut pairs = 0_u64;
             let mut left = groups;
             while left != 0 {
@@ -250,12 +250,12 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
         } else {
             sight.farthest.store_where(is_sure, &mut tile.limit[group]);
             let nearest = simd.load(&tile.nearest[group]);
-            // An infinite one stands for none.
+            // Infinite without a triangle.
             let is_first =
                 simd.splat(f32::MAX).lt(nearest) | (is_sure & sight.farthest.lt(nearest));
             let is_kept = sight.may_hit & is_first;
             sight.nearest.store_where(is_kept, &mut tile.nearest[group]);
-            let place = Place::number(index, lane);
+            let place = BlockLane::number(index, lane);
             S::F32::put(is_kept, place, &mut tile.place[group]);
             sight.may_hit & !is_first
         };
@@ -264,7 +264,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
             && simd.apart(Unclear {
                 tracer: self,
                 group,
-                place: Place { block, lane },
+                place: BlockLane { block, lane },
                 rays: unclear,
             });
         is_sure.bits() != 0 || is_decided
@@ -272,7 +272,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
 
     /// Decides for the rays of a group whose bits are set; whether the limit of a ray has changed.
     #[inline(always)]
-    fn decide_at_once(&mut self, group: usize, place: Place<'_>, unclear: u32) -> bool {
+    fn decide_at_once(&mut self, group: usize, place: BlockLane<'_>, unclear: u32) -> bool {
         let tile = &mut *self.tile;
         let decided = decide(self.simd, &tile.turned_group(group), place);
         let mut left = decided.is_hit & unclear;
@@ -290,7 +290,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
         has_changed
     }
 
-    /// How far groups go, from how far their rays go.
+    /// Updates the limits of groups from those of their rays.
     #[inline(always)]
     fn update_limits(&mut self, groups: u32) {
         let tile = &mut *self.tile;
@@ -305,14 +305,14 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
 }
 
 /// Rays that go on one by one below a child.
-struct Parted<'t, T> {
+struct Diverged<'t, T> {
     tracer: &'t mut T,
     place: usize,
     rays: u64,
 }
 
 impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
-    for Parted<'_, Tracer<'_, S, ANY, TERMS>>
+    for Diverged<'_, Tracer<'_, S, ANY, TERMS>>
 {
     type Output = ();
 
@@ -326,7 +326,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
 struct Unclear<'t, 'b, T> {
     tracer: &'t mut T,
     group: usize,
-    place: Place<'b>,
+    place: BlockLane<'b>,
     rays: u32,
 }
 
@@ -343,7 +343,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
     }
 }
 
-/// For eight more.
+/// Grows the stack by at least eight entries.
 #[cold]
 #[inline(never)]
 fn make_room(pending: &mut Vec<Pending>) {

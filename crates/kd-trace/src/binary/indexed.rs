@@ -1,20 +1,20 @@
-//! The queries on a tree and its mesh, triangle by triangle. [`PackedTree`](crate::PackedTree) has the same ones,
-//! faster; these need nothing prepared.
+//! Queries of a tree and its mesh, triangle by triangle. They need nothing prepared; [`PackedTree`](crate::PackedTree) is
+//! faster.
 
 use std::ops::ControlFlow;
 
 use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Ray, Tree};
 
+use crate::binary::walk::{Walkable, walk};
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
-use crate::walk::{Walkable, walk};
 
 /// The closest hit, the lower triangle among equals, or `None`.
 ///
-/// `None` for an empty tree, and for a ray that is not finite, has a zero direction, `t_min > t_max` or mask 0. An
-/// origin on a surface, on a plane of the tree or outside of the box is like any other. Expected time is
-/// logarithmic in the number of triangles; nothing is allocated.
+/// `None` for an empty tree, and for a ray that is not finite, has a zero direction, `t_min > t_max` or mask 0. The origin may be
+/// on a surface, on a plane of the tree or outside the box. Expected time is logarithmic in the number of triangles. Allocates
+/// nothing.
 ///
 /// # Panics
 ///
@@ -25,7 +25,7 @@ pub fn intersect(tree: &Tree, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
     closest.0
 }
 
-/// Whether there is any hit: the same as `intersect(..).is_some()`, and faster, since it stops at the first one found.
+/// Whether there is any hit: equal to `intersect(..).is_some()`, and faster, since it stops at the first hit found.
 ///
 /// # Panics
 ///
@@ -38,9 +38,9 @@ pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
 
 /// The first `max` hits in `out`, which is cleared before: ordered by `t`, then by triangle, each triangle once.
 ///
-/// A ray through an edge hits all triangles around it, so a closed surface may give more than two hits there. No
-/// hits for whatever [`intersect`] finds none for, and for `max` 0. With `usize::MAX` all of them. `out` is the only
-/// memory that is allocated; keep it for the next ray.
+/// A ray through an edge hits all triangles around it, so a closed surface may give more than two hits there. No hits where
+/// [`intersect`] returns `None`, and for `max` 0; all hits for `usize::MAX`. Allocates only in `out`: keep it for the next
+/// ray.
 ///
 /// # Panics
 ///

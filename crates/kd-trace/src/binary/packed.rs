@@ -1,4 +1,4 @@
-//! Triangles of a leaf side by side, ready for vector instructions.
+//! The binary layout: the 8-byte nodes of a kd-tree over blocks of triangles.
 //!
 //! ```text
 //!             word 0 (u32)            word 1 (u32)
@@ -6,8 +6,7 @@
 //! leaf        index of first block    number of triangles << 2 | 3
 //!
 //! ```
-//! The triangles of a leaf fill its blocks in order, the last one perhaps in part. All of it is derived from a tree and
-//! its mesh, and holds copies: neither is needed to trace.
+//! The triangles of a leaf fill its blocks in order; the last block may have empty lanes.
 
 mod arena;
 
@@ -18,16 +17,16 @@ use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, TracedByt
 use kd_simd::{LANES, Level};
 use kd_wide::Block;
 
+use crate::binary::walk::{Begin, Walkable};
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::dispatch::WalkPacked;
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
-use crate::walk::{Begin, Walkable};
 
 pub use arena::PackedArena;
 
-/// A tree with the triangles of its leaves packed in blocks of eight: what to trace where the tree's own nodes are to be
-/// used. [`WideTree`](crate::WideTree) is faster.
+/// The 8-byte nodes of a kd-tree over blocks of eight triangles: the layout that traverses the tree as it was built.
+/// [`WideTree`](crate::WideTree) is faster. It holds copies: neither tree nor mesh is needed to trace.
 ///
 /// Every answer equals that of the functions that take the [`Tree`] and its mesh, and so that of
 /// [`brute_force`](crate::brute_force), to the bit and at every [`Level`].
@@ -43,8 +42,8 @@ pub struct PackedTree {
     level: Level,
 }
 
-/// A part of a tree's nodes, the same nodes packed, and the blocks that their leaves name.
-struct Part<'a> {
+/// A range of a tree's nodes, the same nodes packed, and the blocks of their leaves.
+struct Range<'a> {
     sources: &'a [Node],
     nodes: &'a [Node],
     blocks: &'a mut [Block],
@@ -60,7 +59,7 @@ impl PackedTree {
     ///
     /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
     pub fn new(tree: &Tree, mesh: &Mesh) -> Self {
-        Self::filled_by(tree, |part| part.fill(tree, mesh))
+        Self::filled_by(tree, |range| range.fill(tree, mesh))
     }
 
     /// [`new`](Self::new) on the threads of the pool in scope (rayon's). The result is the same.
@@ -69,10 +68,10 @@ impl PackedTree {
     ///
     /// As [`new`](Self::new).
     pub fn new_parallel(tree: &Tree, mesh: &Mesh) -> Self {
-        Self::filled_by(tree, |part| part.fill_parallel(tree, mesh))
+        Self::filled_by(tree, |range| range.fill_parallel(tree, mesh))
     }
 
-    fn filled_by(tree: &Tree, fill: impl FnOnce(Part<'_>)) -> Self {
+    fn filled_by(tree: &Tree, fill: impl FnOnce(Range<'_>)) -> Self {
         #[allow(clippy::cast_possible_truncation, reason = "eight")]
         const PER_BLOCK: u32 = LANES as u32;
         let mut pairs: Vec<Pair> = bytemuck::pod_collect_to_vec(tree.nodes());
@@ -87,9 +86,9 @@ impl PackedTree {
                     .expect("32 bits count references, and a block holds at least one");
             }
         }
-        // The pages come from the system, zeroed and not yet touched, so that threads share the work of touching them.
+        // Zeroed pages of the system, untouched: threads share the work of touching them.
         let mut blocks = bytemuck::zeroed_vec(count as usize);
-        fill(Part {
+        fill(Range {
             sources: tree.nodes(),
             nodes: cast_slice(&pairs),
             blocks: &mut blocks,
@@ -109,7 +108,7 @@ impl PackedTree {
         Self { level, ..self }
     }
 
-    /// The level it is traced at.
+    /// The level that rays are traced at.
     pub fn level(&self) -> Level {
         self.level
     }
@@ -160,7 +159,7 @@ impl PackedTree {
         }
     }
 
-    /// [`intersect`](Self::intersect) for many rays, one after the other.
+    /// [`intersect`](Self::intersect) for each ray, one after another.
     ///
     /// # Panics
     ///
@@ -172,7 +171,7 @@ impl PackedTree {
         }
     }
 
-    /// [`occluded`](Self::occluded) for many rays, one after the other.
+    /// [`occluded`](Self::occluded) for each ray, one after another.
     ///
     /// # Panics
     ///
@@ -184,18 +183,18 @@ impl PackedTree {
         }
     }
 
-    /// [`intersect`](Self::intersect) for the ray of each lane, one after the other.
+    /// [`intersect`](Self::intersect) for the ray of each lane, one after another.
     pub fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
         packet.rays().map(|ray| self.intersect(&ray))
     }
 
-    /// [`occluded`](Self::occluded) for the ray of each lane, one after the other.
+    /// [`occluded`](Self::occluded) for the ray of each lane, one after another.
     pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
         packet.rays().map(|ray| self.occluded(&ray))
     }
 }
 
-impl Part<'_> {
+impl Range<'_> {
     fn fill(self, tree: &Tree, mesh: &Mesh) {
         let mut blocks = self.blocks.iter_mut();
         for leaf in self.sources.iter().filter(|node| node.is_leaf()) {
@@ -219,7 +218,7 @@ impl Part<'_> {
         );
     }
 
-    /// Leaves name their blocks in order, so those of either half lie together.
+    /// Leaves refer to blocks in order, so each half has a range of blocks.
     fn halves(self) -> (Self, Self) {
         let first_block = |nodes: &[Node]| {
             let leaf = nodes.iter().find(|node| node.is_leaf());
@@ -234,12 +233,12 @@ impl Part<'_> {
             (Some(_), None) => self.blocks.len(),
         };
         let (blocks, upper_blocks) = self.blocks.split_at_mut(blocks_before);
-        let lower = Part {
+        let lower = Range {
             sources,
             nodes,
             blocks,
         };
-        let upper = Part {
+        let upper = Range {
             sources: upper_sources,
             nodes: upper_nodes,
             blocks: upper_blocks,

@@ -1,9 +1,8 @@
-//! The one traversal loop.
+//! The traversal loop over 8-byte nodes.
 //!
 //! Recursive descent with near and far child as in V. Havran, *Heuristic Ray Shooting Algorithms*, 2000 (his TA-B),
-//! unrolled into a loop with a stack. The near child is told by the direction alone, not by the side that the origin
-//! lies on: with planes that are crossed somewhere in an interval the side is not certain, and in line order the
-//! direction is right for negative `t` as well.
+//! unrolled into a loop with a stack. The direction alone determines the near child, not the side of the origin: a plane is
+//! crossed somewhere in an interval, so the side is not certain, and the direction is right for negative `t` as well.
 
 use std::ops::ControlFlow;
 
@@ -22,7 +21,7 @@ struct Pending {
     span: Span,
 }
 
-/// A ray, ready to be asked about planes and triangles.
+/// A ray, prepared for planes and triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedRay {
     pub(crate) planes: RayPlanes,
@@ -30,7 +29,7 @@ pub(crate) struct PreparedRay {
 }
 
 impl PreparedRay {
-    /// For triangles within a box, with the part of the ray that may hit them; `None` if there is none.
+    /// For triangles within a box, with the part of the ray that may hit them; `None` if no part does.
     #[inline(always)]
     pub(crate) fn new(ray: &Ray, bounds: &Aabb) -> Option<(Self, Span)> {
         if bounds.is_empty() || !ray.can_hit() {
@@ -43,13 +42,13 @@ impl PreparedRay {
     }
 }
 
-/// Where a walk begins.
+/// The begin of a walk.
 pub(crate) trait Begin {
-    /// A ray ready for a tree with these bounds, and the part of it to walk; `None` if there is none.
+    /// A ray prepared for a tree with these bounds, and the part of it to walk; `None` if it misses them.
     fn begin(self, bounds: &Aabb) -> Option<(PreparedRay, Span)>;
 }
 
-/// A ray from outside.
+/// A ray that enters at the root.
 impl Begin for &Ray {
     #[inline(always)]
     fn begin(self, bounds: &Aabb) -> Option<(PreparedRay, Span)> {
@@ -57,7 +56,7 @@ impl Begin for &Ray {
     }
 }
 
-/// A ray on its way through a larger tree, which it was prepared for.
+/// A ray inside a larger tree, which it was prepared for.
 impl Begin for (&PreparedRay, Span) {
     #[inline(always)]
     fn begin(self, _: &Aabb) -> Option<(PreparedRay, Span)> {
@@ -65,8 +64,7 @@ impl Begin for (&PreparedRay, Span) {
     }
 }
 
-/// What can be walked: nodes, and something at their leaves. Valid in the sense of
-/// [`Arena::freeze`](kd_core::Arena::freeze).
+/// 8-byte nodes over some kind of leaves. Valid in the sense of [`Arena::freeze`](kd_core::Arena::freeze).
 pub(crate) trait Walkable {
     fn bounds(&self) -> Aabb;
     fn root(&self) -> NodeIndex;
@@ -82,9 +80,9 @@ pub(crate) trait Walkable {
     ) -> ControlFlow<()>;
 }
 
-/// Gives the collector every hit of the ray that it may want, some of them more than once, roughly front to back.
+/// Gives the collector every hit of the ray that it may want, some more than once, roughly front to back.
 ///
-/// Always inlined, so that it is compiled for the instructions that its caller may use.
+/// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
 pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
     tree: &W,
@@ -96,9 +94,8 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
         return;
     };
     let nodes = tree.nodes();
-    // A valid tree has at most MAX_DEPTH nodes on a path that leave something behind. (Tried, 2026-11-24: no checks of
-    // bounds in this loop, no difference; a `SmallVec`, 2 to 20 % slower. Not clearing the stack would gain 2 %, and is
-    // not worth `unsafe`.)
+    // A valid tree has at most MAX_DEPTH interior nodes on a path. (Tried, 2026-11-24: without bounds checks in this loop no
+    // difference; a `SmallVec`, 2 to 20 % slower. Not clearing the stack would gain 2 %, and is not worth `unsafe`.)
     let mut stack = [Pending::default(); MAX_DEPTH];
     let mut pending = 0;
     let mut node = nodes[tree.root().index()];
@@ -127,7 +124,7 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
             node = nodes[place as usize];
         }
         probe.leaf(node.count());
-        // A hit counts wherever it lies, even outside of this leaf's cell: it is as good as any.
+        // A hit outside this leaf's cell counts like any other.
         if tree.visit(node, &test, collector, probe).is_break() {
             return;
         }
@@ -138,7 +135,7 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
             }
             pending -= 1;
             let next = stack[pending];
-            // At the limit itself a lower triangle may lie.
+            // A lower triangle may be hit at the limit itself.
             if next.span.enter <= limit {
                 span = Span {
                     exit: min(limit, next.span.exit),

@@ -1,19 +1,18 @@
 //! Rays through cells that are divided when a ray first enters them (W. Hunt, W. R. Mark, D. Fussell, *Fast and lazy
 //! build of acceleration structures from scene hierarchies*, 2007).
 //!
-//! Who divides the cells, and how, is up to whoever implements [`LazyCells`]; here is how rays find their way. Below
-//! some size a cell is a whole [`PackedTree`], and walked like any other. Answers are those of
-//! [`brute_force`](crate::brute_force), whatever has been divided before.
+//! An implementation of [`LazyCells`] divides the cells; this module traverses them. Below some size a cell is a whole
+//! [`PackedTree`]. Answers are those of [`brute_force`](crate::brute_force), however many cells have been divided before.
 
 use kd_core::{Aabb, Axis, Hit, Ray};
 use kd_simd::{max, min};
 
 use crate::PackedTree;
+use crate::binary::walk::PreparedRay;
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::planes::Span;
-use crate::walk::PreparedRay;
 
-/// A tree of cells, of which those are divided that somebody has entered.
+/// A tree of cells, each divided when it is first entered.
 pub trait LazyCells {
     /// A cell, divided or not.
     type Cell;
@@ -21,30 +20,30 @@ pub trait LazyCells {
     /// The box around all triangles; empty if there are none.
     fn bounds(&self) -> Aabb;
 
-    /// The cell of everything.
+    /// The root cell.
     fn root(&self) -> &Self::Cell;
 
-    /// Divides a cell, if that has not been done yet, and tells what is in it: always the same.
+    /// Returns the content of a cell, after dividing it if no ray has entered it before. The content never changes.
     ///
-    /// A cell is entered anew for every ray that passes through it. Between the root and a subtree lie at most
-    /// [`MAX_DEPTH`](kd_core::MAX_DEPTH) cells, and every part of every triangle is in a subtree in whose cell it lies,
-    /// within what [`Tree::check_coverage`](kd_core::Tree::check_coverage) tolerates.
+    /// Every ray that passes through a cell enters it. A subtree is at most [`MAX_DEPTH`](kd_core::MAX_DEPTH) cells below the
+    /// root. The subtrees of all cells that a triangle is in refer to it, within the tolerance of
+    /// [`Tree::check_coverage`](kd_core::Tree::check_coverage).
     fn enter<'a>(&'a self, cell: &'a Self::Cell) -> Entered<'a, Self::Cell>;
 }
 
-/// What is in a cell.
+/// The content of a cell.
 #[derive(Debug)]
 pub enum Entered<'a, C> {
     /// A plane and two cells.
     Interior {
-        /// Which axis the plane is perpendicular to.
+        /// The axis perpendicular to the plane.
         axis: Axis,
-        /// Where the plane lies on that axis, in scene units.
+        /// The position of the plane on that axis, in scene units.
         split: f32,
         /// The lower and the upper cell.
         children: &'a [C; 2],
     },
-    /// A finished tree over all that is in the cell.
+    /// A finished tree over the triangles of the cell.
     Subtree(&'a PackedTree),
 }
 
@@ -71,14 +70,14 @@ pub fn hits(cells: &impl LazyCells, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
 }
 
 fn walk(cells: &impl LazyCells, ray: &Ray, collector: &mut impl Collect) {
-    // One bound of errors for all cells, that of the whole box: triangles reach out of the cells they are in.
+    // One error bound for all cells, that of the whole box: triangles extend beyond their cells.
     if let Some((ray, span)) = PreparedRay::new(ray, &cells.bounds()) {
         descend(cells, cells.root(), &ray, span, collector);
     }
 }
 
-/// What the loop of [`walk`](crate::walk::walk) does, with the call stack in place of its own: there are few cells above
-/// a subtree.
+/// The loop of [`walk`](crate::binary::walk::walk), with the call stack in place of its own stack: few cells are above a
+/// subtree.
 fn descend<'a, L: LazyCells>(
     cells: &'a L,
     mut cell: &'a L::Cell,
@@ -119,7 +118,7 @@ fn descend<'a, L: LazyCells>(
                 enter: max(crossing.first, span.enter),
                 exit: min(limit, span.exit),
             };
-            // At the limit itself a lower triangle may lie.
+            // A lower triangle may be hit at the limit itself.
             if collector.is_done() || span.enter > limit {
                 return;
             }

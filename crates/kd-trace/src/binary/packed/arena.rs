@@ -1,4 +1,4 @@
-//! The leaves of an arena packed as it grows.
+//! The binary layout of an arena, extended as the arena grows.
 
 use kd_core::{Aabb, Arena, Node, NodeIndex, Pair, Slot};
 use kd_simd::{LANES, Level};
@@ -7,8 +7,8 @@ use kd_wide::Block;
 use super::PackedTree;
 use glam::Vec3;
 
-/// An [`Arena`] with the triangles of its leaves packed, in which trees come and go: what is new is packed, and leaves that
-/// trees share have the same blocks.
+/// The binary layout of an [`Arena`], to which trees are added and from which they are removed. Only new nodes are packed, and
+/// leaves that trees share have the same blocks.
 ///
 /// ```
 /// use kd_core::{Arena, Mesh, Ray};
@@ -30,12 +30,12 @@ use glam::Vec3;
 #[derive(Clone, Debug)]
 pub struct PackedArena {
     tree: PackedTree,
-    /// For the first reference of each leaf, the leaf's first block and how many triangles it has.
+    /// For the first reference of each leaf, the leaf's first block and its number of triangles.
     leaves: Vec<[u32; 2]>,
     segments: Vec<End>,
 }
 
-/// Where a segment ends.
+/// The end of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 struct End {
     pairs: usize,
@@ -44,10 +44,10 @@ struct End {
 }
 
 impl PackedArena {
-    /// Stands where no leaf starts.
+    /// No leaf starts at this reference.
     const NONE: [u32; 2] = [0, 0];
 
-    /// Nothing yet.
+    /// An empty layout.
     pub fn new() -> Self {
         Self {
             tree: PackedTree {
@@ -62,7 +62,8 @@ impl PackedArena {
         }
     }
 
-    /// Packs what was frozen in the arena since the last time. Until a root is set, nothing is hit. Linear in what is new.
+    /// Packs the nodes that were frozen in the arena since the last call. Rays hit nothing until a root is set. Linear in the
+    /// number of new nodes and references.
     ///
     /// # Panics
     ///
@@ -92,14 +93,17 @@ impl PackedArena {
         );
     }
 
-    /// Forgets what came after the first `segments` frozen ones, as [`Arena::truncate`] does. Those that were packed in one
-    /// go can only be forgotten together.
+    /// Removes all but the first `segments` frozen segments, as [`Arena::truncate`] does. Segments that one call packed are
+    /// removed together.
     ///
     /// # Panics
     ///
-    /// If fewer are packed.
+    /// If fewer segments are packed.
     pub fn truncate(&mut self, segments: usize) {
-        assert!(segments <= self.segments.len(), "so many are packed");
+        assert!(
+            segments <= self.segments.len(),
+            "no more segments than are packed"
+        );
         self.forget_root();
         self.segments.truncate(segments);
         let end = self.segments.last().copied().unwrap_or_default();
@@ -108,28 +112,28 @@ impl PackedArena {
         self.leaves.truncate(end.refs);
     }
 
-    /// Chooses what is traced: a tree of the arena with the box around its triangles.
+    /// Chooses the tree of the arena that rays traverse, with the box around its triangles.
     ///
     /// # Panics
     ///
-    /// If the node is not there.
+    /// If the node is not packed.
     pub fn set_root(&mut self, root: NodeIndex, bounds: Aabb) {
         assert!(root.index() < 2 * self.tree.pairs.len(), "it is packed");
         self.tree.root = root;
         self.tree.bounds = bounds;
     }
 
-    /// What rays are traced through: the tree at the root, or nothing.
+    /// The tree at the root, for rays; empty without a root.
     pub fn tree(&self) -> &PackedTree {
         &self.tree
     }
 
     fn forget_root(&mut self) {
-        // Nothing is entered that has an empty box.
+        // No ray enters an empty box.
         self.tree.bounds = Aabb::EMPTY;
     }
 
-    /// A node with the blocks of its triangles, if it is a leaf: those of the leaf that it is a copy of, or new ones.
+    /// The node; a leaf refers to its blocks: those of the leaf that it is a copy of, or new ones.
     fn packed(&mut self, node: Node, refs: &[Slot], corners: &impl Fn(Slot) -> [Vec3; 3]) -> Node {
         if !node.is_leaf() {
             return node;
@@ -149,7 +153,7 @@ impl PackedArena {
     fn pack(&mut self, first: usize, refs: &[Slot], corners: &impl Fn(Slot) -> [Vec3; 3]) -> u32 {
         let place = u32::try_from(self.tree.blocks.len());
         let place = place.expect("32 bits count references, and a block holds at least one");
-        // What was packed before stays known by the blocks that it had.
+        // A leaf of an earlier segment keeps its blocks.
         if first >= self.segments.last().map_or(0, |end| end.refs) {
             let count = u32::try_from(refs.len()).expect("a leaf's count fits a leaf");
             self.leaves[first] = [place, count];
@@ -192,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_are_packed_once_and_forgotten_with_their_segments() {
+    fn leaves_are_packed_once_and_removed_with_their_segments() {
         let meshes = [triangle_at(1.0), triangle_at(2.0)];
         let corners = |slot: Slot| meshes[slot.index()].corners(0);
         let both = meshes[0].bounds().union(&meshes[1].bounds());
