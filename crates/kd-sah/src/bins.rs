@@ -1,21 +1,22 @@
-//! How many primitives start and end in each of a few intervals of equal width, on all axes (Shevtsov et al. 2007).
+//! Counts of primitives that start and end in each of a few bins of equal width, on all axes (Shevtsov et al. 2007).
 
 use std::borrow::Cow;
 
 use glam::Vec4;
 use kd_core::{Aabb, Axis};
+use kd_simd::{F32x8, LANES, Level, Simd, Task};
 
 use crate::CHUNK;
 use crate::cell::Cell;
 use crate::plane::AxisCost;
 use crate::prim::Prim;
 
-/// Most bins along an axis: their numbers fit into a byte, which needs no check when it indexes a table of so many.
+/// The largest number of bins along an axis. A bin fits a byte, which indexes a table of this length without a check.
 pub(crate) const MOST_BINS: usize = 256;
 
-/// Divides a box into intervals of equal width along each axis, and tells in which one a position lies.
+/// Divides a box into bins of equal width along each axis, and finds the bin of a position.
 ///
-/// The number of a bin never decreases along the axis, rounding included.
+/// Bins never decrease along the axis, rounding included.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     bins: usize,
@@ -79,7 +80,7 @@ pub(crate) struct AxisGrid {
 }
 
 impl AxisGrid {
-    /// 2²³: adding it rounds to a whole number, which then stands in the lowest bits.
+    /// 2²³: adding it rounds to an integer, in the lowest bits.
     pub(crate) const INTEGERS: f32 = (1 << 23) as f32;
 
     /// The bin of a position in the box.
@@ -97,13 +98,24 @@ impl AxisGrid {
         at + Self::INTEGERS
     }
 
+    /// [`rounded`](Self::rounded) of eight positions.
+    #[inline(always)]
+    pub(crate) fn rounded_lanes<S: Simd>(&self, simd: S, positions: S::F32) -> S::F32 {
+        let grids = Lanes {
+            origin: simd.splat(self.origin),
+            scale: simd.splat(self.scale),
+            last: simd.splat(self.last),
+        };
+        grids.rounded(simd, positions)
+    }
+
     /// What [`rounded`](Self::rounded) gives for positions in a bin.
     pub(crate) fn as_rounded(bin: u8) -> f32 {
         f32::from(bin) + Self::INTEGERS
     }
 }
 
-/// How far off a face may be, as a fraction of a cell, four times over.
+/// Four times the largest error of a face, as a fraction of a cell.
 const MARGIN: f32 = 1.0 / (1 << 20) as f32;
 
 /// Faces of bins along an axis, as fractions of a cell.
@@ -121,8 +133,8 @@ impl Edges {
         self.first + bin.cast_signed() as f32 * self.step
     }
 
-    /// An interval that no position in the bin lies outside of: faces are a few units in the last place of the box
-    /// off, 2⁻²² of it, and fractions by no more.
+    /// An interval that contains all positions of the bin: faces err by a few units in the last place of the box, 2⁻²² of it,
+    /// and fractions by no more.
     #[inline]
     pub(crate) fn around(&self, bin: u32) -> (f32, f32) {
         let (start, end) = (self.at(bin) - MARGIN, self.at(bin + 1) + MARGIN);
@@ -131,7 +143,7 @@ impl Edges {
         (start, end)
     }
 
-    /// An interval around the lower face of a bin that the true face lies in.
+    /// An interval that contains the exact lower face of a bin.
     #[inline]
     pub(crate) fn near(&self, bin: u32) -> (f32, f32) {
         let face = self.at(bin);
@@ -140,21 +152,21 @@ impl Edges {
 }
 
 #[inline]
-#[allow(clippy::cast_possible_truncation, reason = "the lowest byte is meant")]
+#[allow(clippy::cast_possible_truncation, reason = "the lowest byte")]
 fn low_byte(x: f32) -> u8 {
     x.to_bits() as u8
 }
 
-/// Counts for so many bins at most, which is enough for most cells: less memory to clear.
+/// The size of a small table, which most cells need: less memory to clear.
 const FEW_BINS: usize = 32;
 
-/// How many primitives start, and how many end, in each bin of each axis that is counted.
+/// The number of primitives that start, and that end, in each bin of each counted axis.
 #[derive(Clone)]
 pub(crate) struct Bins {
     bins: usize,
     /// The axes that were counted, in order.
     axes: &'static [Axis],
-    /// A table of starts and one of ends for each axis, each with room for [`FEW_BINS`] or [`MOST_BINS`].
+    /// For each axis a table of starts and one of ends, of [`FEW_BINS`] or [`MOST_BINS`] entries.
     counts: Vec<u32>,
 }
 
@@ -185,7 +197,7 @@ impl Bins {
         bins
     }
 
-    /// Of all chunks together (Push).
+    /// The sum of all chunks (Push).
     pub(crate) fn sum(chunks: &[Self]) -> Cow<'_, Self> {
         let (first, others) = chunks.split_first().expect("a cell is not empty");
         let mut sum = Cow::Borrowed(first);
@@ -197,14 +209,14 @@ impl Bins {
         sum
     }
 
-    /// How many primitives start in a bin, and how many end there.
+    /// The number of primitives that start in a bin, and of those that end there.
     #[inline]
     pub(crate) fn at(&self, axis: Axis, bin: usize) -> (usize, usize) {
         let (starts, ends) = self.along(axis);
         (starts[bin] as usize, ends[bin] as usize)
     }
 
-    /// How many primitives start, and how many end, in each bin of an axis that was counted.
+    /// The number of primitives that start, and that end, in each bin of a counted axis.
     #[inline]
     pub(crate) fn along(&self, axis: Axis) -> (&[u32], &[u32]) {
         let axis = if self.axes.len() == 1 {
@@ -218,8 +230,8 @@ impl Bins {
     }
 }
 
-/// The counts of every `step`th primitive of a cell, in chunks, so that several threads can count (`PreScan` of Choi et
-/// al. 2010). `axes` are one, or all in order.
+/// Counts every `step`th primitive of a cell, in chunks, so that several threads can count (`PreScan` of Choi et al. 2010).
+/// `axes` is one axis, or all in order.
 pub(crate) fn count(
     cell: Cell<'_>,
     axes: &'static [Axis],
@@ -233,7 +245,7 @@ pub(crate) fn count(
     })
 }
 
-/// What is to be counted.
+/// The primitives to count.
 pub(crate) struct Counting<'a> {
     prims: &'a [Prim],
     step: usize,
@@ -241,62 +253,74 @@ pub(crate) struct Counting<'a> {
     grid: &'a Grid,
 }
 
-/// A way to find the bins of eight positions.
-pub(crate) trait FindBins: Copy {
-    /// What [`AxisGrid::bin`] gives for each.
-    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8];
+/// A grid for each of eight positions, of equally many bins.
+#[derive(Clone, Copy, Debug)]
+struct EightGrids {
+    origin: [f32; LANES],
+    scale: [f32; LANES],
+    last: f32,
 }
 
-/// Whatever the target has.
-#[derive(Clone, Copy)]
-struct Portable;
+/// The bin of each position in its grid, as [`AxisGrid::bin`] finds it.
+struct FindBins<'a> {
+    grids: &'a EightGrids,
+    positions: &'a [f32; LANES],
+}
 
-impl FindBins for Portable {
+impl<S: Simd> Task<S> for FindBins<'_> {
+    type Output = [u8; LANES];
+
     #[inline(always)]
-    fn bins(self, grids: &EightGrids, positions: &[f32; 8]) -> [u8; 8] {
-        std::array::from_fn(|lane| {
-            let grid = AxisGrid {
-                origin: grids.origin[lane],
-                scale: grids.scale[lane],
-                last: grids.last,
-            };
-            grid.bin(positions[lane])
-        })
+    fn run(self, simd: S) -> [u8; LANES] {
+        let grids = Lanes {
+            origin: simd.load(&self.grids.origin),
+            scale: simd.load(&self.grids.scale),
+            last: simd.splat(self.grids.last),
+        };
+        grids.rounded(simd, simd.load(self.positions)).low_bytes()
     }
 }
 
-/// A grid for each of eight positions, of equally many bins.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct EightGrids {
-    pub(crate) origin: [f32; 8],
-    pub(crate) scale: [f32; 8],
-    pub(crate) last: f32,
+/// A grid along an axis in each lane.
+struct Lanes<F> {
+    origin: F,
+    scale: F,
+    last: F,
+}
+
+impl<F: F32x8> Lanes<F> {
+    /// [`AxisGrid::rounded`] of each position, by the same operations in the same order.
+    #[inline(always)]
+    fn rounded<S: Simd<F32 = F>>(&self, simd: S, positions: F) -> F {
+        let at = (positions - self.origin) * self.scale - simd.splat(0.5);
+        let at = at.max(simd.splat(0.0)).min(self.last);
+        at + simd.splat(AxisGrid::INTEGERS)
+    }
 }
 
 impl Counting<'_> {
     /// Counts in tables of `ROOM` bins.
     fn count<const ROOM: usize>(&self, counts: &mut [u32]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.count::<ROOM>(self, counts);
-        }
-        self.count_by::<ROOM>(Portable, counts);
+        Level::detect().run(Count::<ROOM> {
+            counting: self,
+            counts,
+        });
     }
 
     #[inline(always)]
-    pub(crate) fn count_by<const ROOM: usize>(&self, find: impl FindBins, counts: &mut [u32]) {
+    fn count_by<const ROOM: usize, S: Simd>(&self, simd: S, counts: &mut [u32]) {
         match (self.axes, counts.as_chunks_mut::<ROOM>().0) {
-            (&[axis], [starts, ends]) => self.count_axis(find, axis, [starts, ends]),
-            (_, [a, b, c, d, e, f]) => self.count_all(find, [a, b, c, d, e, f]),
-            _ => unreachable!("planes are looked for across one axis or all of them"),
+            (&[axis], [starts, ends]) => self.count_axis(simd, axis, [starts, ends]),
+            (_, [a, b, c, d, e, f]) => self.count_all(simd, [a, b, c, d, e, f]),
+            _ => unreachable!("one axis or all of them"),
         }
     }
 
     /// Along one axis, both ends of four primitives at a time.
     #[inline(always)]
-    fn count_axis<const ROOM: usize>(
+    fn count_axis<const ROOM: usize, S: Simd>(
         &self,
-        find: impl FindBins,
+        simd: S,
         axis: Axis,
         [starts, ends]: [&mut [u32; ROOM]; 2],
     ) {
@@ -310,22 +334,22 @@ impl Counting<'_> {
         let rest = if self.step == 1 {
             let (fours, rest) = self.prims.as_chunks::<4>();
             for four in fours {
-                count_four::<ROOM, 4>(find, axis, &grids, four.each_ref(), &mut tables);
+                count_four::<ROOM, 4, S>(simd, axis, &grids, four.each_ref(), &mut tables);
             }
             rest
         } else {
             self.prims
         };
         for prim in rest.iter().step_by(self.step) {
-            count_four::<ROOM, 1>(find, axis, &grids, [prim; 4], &mut tables);
+            count_four::<ROOM, 1, S>(simd, axis, &grids, [prim; 4], &mut tables);
         }
     }
 
     /// Along all axes, all six ends of a primitive at a time.
     #[inline(always)]
-    fn count_all<const ROOM: usize>(
+    fn count_all<const ROOM: usize, S: Simd>(
         &self,
-        find: impl FindBins,
+        simd: S,
         [x_starts, x_ends, y_starts, y_ends, z_starts, z_ends]: [&mut [u32; ROOM]; 6],
     ) {
         let twice = |v: Vec4| bytemuck::cast([v.to_array(); 2]);
@@ -335,7 +359,10 @@ impl Counting<'_> {
             last: self.grid.last,
         };
         for prim in self.prims.iter().step_by(self.step) {
-            let bins = find.bins(&grids, prim.ends());
+            let bins = simd.run(FindBins {
+                grids: &grids,
+                positions: prim.ends(),
+            });
             let bins = bins.map(|bin| usize::from(bin) % ROOM);
             x_starts[bins[0]] += 1;
             y_starts[bins[1]] += 1;
@@ -347,10 +374,25 @@ impl Counting<'_> {
     }
 }
 
+/// Counts in tables of `ROOM` bins at some level.
+struct Count<'a, 'c, const ROOM: usize> {
+    counting: &'a Counting<'a>,
+    counts: &'c mut [u32],
+}
+
+impl<S: Simd, const ROOM: usize> Task<S> for Count<'_, '_, ROOM> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        self.counting.count_by::<ROOM, S>(simd, self.counts);
+    }
+}
+
 /// Counts the first `NUMBER` of four primitives.
 #[inline(always)]
-fn count_four<const ROOM: usize, const NUMBER: usize>(
-    find: impl FindBins,
+fn count_four<const ROOM: usize, const NUMBER: usize, S: Simd>(
+    simd: S,
     axis: Axis,
     grids: &EightGrids,
     four: [&Prim; 4],
@@ -358,7 +400,10 @@ fn count_four<const ROOM: usize, const NUMBER: usize>(
 ) {
     let [a, b, c, d] = four.map(|prim| prim.start(axis));
     let [e, f, g, h] = four.map(|prim| prim.end(axis));
-    let bins = find.bins(grids, &[a, b, c, d, e, f, g, h]);
+    let bins = simd.run(FindBins {
+        grids,
+        positions: &[a, b, c, d, e, f, g, h],
+    });
     for lane in 0..NUMBER {
         starts[usize::from(bins[lane]) % ROOM] += 1;
         ends[usize::from(bins[4 + lane]) % ROOM] += 1;
@@ -373,9 +418,9 @@ mod tests {
     use crate::prim::samples::boxes;
 
     proptest! {
-        /// What the processor has, and what every target has, against asking for the bin of each end.
+        /// The detected and the portable level equal a count one end at a time.
         #[test]
-        fn all_ways_count_the_same(
+        fn all_levels_count_the_same(
             boxes_at in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], [0_i8..8, 0_i8..8, 0_i8..8]), 1..40),
             step in 1_usize..4,
             bins in prop::sample::select(vec![2_usize, 7, 32, 33, 256]),
@@ -386,10 +431,11 @@ mod tests {
                 let counted = Bins::of(&prims, axes, &grid, step);
                 let mut portable = Bins { counts: vec![0; counted.counts.len()], ..counted.clone() };
                 let counting = Counting { prims: &prims, step, axes, grid: &grid };
+                let counts = &mut portable.counts[..];
                 if bins <= FEW_BINS {
-                    counting.count_by::<FEW_BINS>(Portable, &mut portable.counts);
+                    Level::portable().run(Count::<FEW_BINS> { counting: &counting, counts });
                 } else {
-                    counting.count_by::<MOST_BINS>(Portable, &mut portable.counts);
+                    Level::portable().run(Count::<MOST_BINS> { counting: &counting, counts });
                 }
                 prop_assert_eq!(&counted.counts, &portable.counts);
                 for &axis in axes {

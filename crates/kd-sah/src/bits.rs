@@ -1,7 +1,6 @@
 //! Sets of small numbers as bits of an integer.
 
-/// The numbers of the bits that are set, lowest first; those of `MOST` and above are left out, so that the compiler
-/// knows they index an array of so many.
+/// The numbers of the set bits below `MOST`, lowest first. The compiler can prove that they index an array of `MOST`.
 #[inline(always)]
 pub(crate) fn numbers<const MOST: usize>(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {

@@ -1,11 +1,12 @@
-//! The starts and ends that lie in some of the bins, those of each bin together.
+//! Collects the starts and ends in wanted bins, bin by bin.
 //!
-//! Most positions lie in no bin that anybody asks for, so eight at a time are first held against the outermost bins of
-//! interest. As in [`small`](crate::small), the same body is compiled for whatever the target has and for AVX2.
+//! Most positions lie in no wanted bin, so eight at a time are first compared with the outermost wanted bins. The search is
+//! compiled for each [`Level`].
 
 use std::ops::Range;
 
 use kd_core::Axis;
+use kd_simd::{LANES, Level, Mask, Number, Simd, Task};
 use smallvec::SmallVec;
 
 use crate::bins::{AxisGrid, Grid, MOST_BINS};
@@ -13,10 +14,7 @@ use crate::bits::numbers;
 use crate::events::Event;
 use crate::prim::Prim;
 
-/// Positions looked at together.
-const LANES: usize = 8;
-
-/// Bins that are asked for, each with a number.
+/// Wanted bins, each with a number.
 pub(crate) struct Wanted {
     axes: [WantedAxis; 3],
     count: usize,
@@ -25,9 +23,9 @@ pub(crate) struct Wanted {
 /// The wanted bins along one axis.
 #[derive(Clone, Copy)]
 struct WantedAxis {
-    /// The number of each bin; all that are not wanted share one behind the last.
+    /// The number of each bin. All unwanted bins share the number after the last one.
     numbers: [u16; MOST_BINS],
-    /// The outermost wanted bins; the first behind the last if there are none.
+    /// The outermost wanted bins; the first after the last if none is wanted.
     first: u8,
     last: u8,
 }
@@ -60,12 +58,12 @@ impl Wanted {
 #[derive(Debug)]
 pub(crate) struct Collected {
     events: Vec<Event>,
-    /// Where those of each bin are.
+    /// The events of each bin.
     ranges: SmallVec<[Range<usize>; 64]>,
 }
 
 impl Collected {
-    /// `counts` tells how many there are in each wanted bin, if both ends of every primitive are counted.
+    /// `counts` has the number of starts and ends in each wanted bin, both ends of planar primitives included.
     pub(crate) fn of(
         prims: &[Prim],
         step: usize,
@@ -75,7 +73,7 @@ impl Collected {
     ) -> Self {
         let mut ranges = SmallVec::with_capacity(wanted.count + 1);
         let mut total = 0;
-        // What is not wanted has a place of its own at the end.
+        // Unwanted events share a place at the end.
         for count in counts.chain([1]) {
             ranges.push(total..total);
             total += count;
@@ -110,7 +108,7 @@ impl Collected {
     }
 }
 
-/// Where the events of each bin go: behind those that are there.
+/// Where the next event of each bin is stored: at the end of its range.
 pub(crate) struct Places<'a> {
     events: &'a mut [Event],
     ranges: &'a mut [Range<usize>],
@@ -124,49 +122,64 @@ pub(crate) struct Search<'a> {
     unwanted: usize,
 }
 
-/// A way to look at positions.
-pub(crate) trait Look: Copy {
-    /// A bit for each position that lies between the outermost wanted bins.
-    fn between(self, grid: &AxisGrid, bins: (f32, f32), positions: [f32; LANES]) -> u64;
+/// A search at some level, of each `step`th primitive.
+struct Collect<'a, 'p, 'e> {
+    search: &'a Search<'a>,
+    prims: &'a [Prim],
+    step: usize,
+    into: &'p mut Places<'e>,
 }
 
-/// Whatever the target has.
-#[derive(Clone, Copy)]
-struct Portable;
+impl<S: Simd> Task<S> for Collect<'_, '_, '_> {
+    type Output = ();
 
-impl Look for Portable {
     #[inline(always)]
-    fn between(self, grid: &AxisGrid, (first, last): (f32, f32), positions: [f32; LANES]) -> u64 {
-        let mut bits = 0;
-        for (lane, position) in positions.into_iter().enumerate() {
-            let bin = grid.rounded(position);
-            bits |= u64::from(first <= bin && bin <= last) << lane;
-        }
-        bits
+    fn run(self, simd: S) {
+        self.search
+            .collect_by(simd, self.prims, self.step, self.into);
+    }
+}
+
+/// A bit for each position between two bins, given by their [`AxisGrid::as_rounded`].
+struct Between<'a> {
+    grid: &'a AxisGrid,
+    bins: (f32, f32),
+    positions: [f32; LANES],
+}
+
+impl<S: Simd> Task<S> for Between<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> u64 {
+        let (first, last) = self.bins;
+        let at = self.grid.rounded_lanes(simd, simd.values(self.positions));
+        let is_between = simd.splat(first).le(at) & at.le(simd.splat(last));
+        u64::from(is_between.bits())
     }
 }
 
 impl Search<'_> {
     fn collect(&self, prims: &[Prim], step: usize, into: &mut Places<'_>) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.collect(self, prims, step, into);
-        }
-        self.collect_by(Portable, prims, step, into);
+        Level::detect().run(Collect {
+            search: self,
+            prims,
+            step,
+            into,
+        });
     }
 
     #[inline(always)]
-    pub(crate) fn collect_by(
-        &self,
-        look: impl Look,
-        prims: &[Prim],
-        step: usize,
-        into: &mut Places<'_>,
-    ) {
+    fn collect_by<S: Simd>(&self, simd: S, prims: &[Prim], step: usize, into: &mut Places<'_>) {
         let bins = (
             AxisGrid::as_rounded(self.along.first),
             AxisGrid::as_rounded(self.along.last),
         );
+        let between = |positions| Between {
+            grid: self.grid,
+            bins,
+            positions,
+        };
         let axis = self.axis;
         let groups = prims.chunks_exact(step * LANES);
         for prim in groups.remainder().iter().step_by(step) {
@@ -174,13 +187,13 @@ impl Search<'_> {
             self.put_end(prim, into);
         }
         for group in groups {
-            // Made of values, not read from a list that was just written: that would wait for the writes.
+            // Values in registers: a load of a list that was just written would wait for the writes.
             let starts = std::array::from_fn(|lane| group[lane * step].start(axis));
             let ends = std::array::from_fn(|lane| group[lane * step].end(axis));
-            for lane in numbers::<LANES>(look.between(self.grid, bins, starts)) {
+            for lane in numbers::<LANES>(simd.run(between(starts))) {
                 self.put_start(&group[lane * step], into);
             }
-            for lane in numbers::<LANES>(look.between(self.grid, bins, ends)) {
+            for lane in numbers::<LANES>(simd.run(between(ends))) {
                 self.put_end(&group[lane * step], into);
             }
         }
@@ -197,7 +210,7 @@ impl Search<'_> {
         self.put(start, event, into);
     }
 
-    /// Planar primitives are told by their start.
+    /// Planar primitives have one event, at their start.
     #[inline(always)]
     fn put_end(&self, prim: &Prim, into: &mut Places<'_>) {
         let (start, end) = (prim.start(self.axis), prim.end(self.axis));
@@ -206,7 +219,7 @@ impl Search<'_> {
         }
     }
 
-    /// Without a branch on whether its bin is wanted.
+    /// Stores an event, without a branch on whether its bin is wanted.
     #[inline(always)]
     fn put(&self, position: f32, event: Event, into: &mut Places<'_>) {
         let bin = self.grid.bin(position);
@@ -227,9 +240,9 @@ mod tests {
     use crate::prim::samples::boxes;
 
     proptest! {
-        /// What the processor has, and what every target has, against asking for the bin of each position.
+        /// The detected and the portable level equal asking for the bin of each position.
         #[test]
-        fn all_ways_collect_the_same(
+        fn all_levels_collect_the_same(
             boxes_at in prop::collection::vec(([-20_i8..20, -20_i8..20, -20_i8..20], [0_i8..8, 0_i8..8, 0_i8..8]), 1..90),
             step in 1_usize..4,
             first in 0_usize..16,
@@ -264,11 +277,11 @@ mod tests {
             let positions: [f32; LANES] = std::array::from_fn(|lane| prims[lane % prims.len()].start(Axis::Y));
             let (grid, range) = (grid.along(Axis::Y), (first.min(second), first.max(second)));
             let range = (AxisGrid::as_rounded(range.0.try_into().expect("small")), AxisGrid::as_rounded(range.1.try_into().expect("small")));
-            let portable = Portable.between(&grid, range, positions);
-            #[cfg(target_arch = "x86_64")]
-            if let Some(avx2) = crate::avx2::Avx2::detect() {
-                prop_assert_eq!(avx2.between(&grid, range, positions), portable);
-            }
+            let look = || Between { grid: &grid, bins: range, positions };
+            let portable = Level::portable().run(look());
+            prop_assert_eq!(Level::detect().run(look()), portable);
+            let expected = positions.map(|position| (range.0..=range.1).contains(&grid.rounded(position)));
+            prop_assert_eq!(expected, std::array::from_fn(|lane| portable >> lane & 1 != 0));
             prop_assert!(portable < 256);
         }
     }

@@ -1,7 +1,8 @@
-//! How a plane divides the primitives of a cell, within its memory: one part stays, the other moves to what is free.
+//! Divides the primitives of a cell by a plane, in the memory of the cell: one side stays, the other moves to free memory.
 
 use glam::Vec3;
 use kd_core::{Aabb, PrimSource};
+use kd_simd::{LANES, Level, Mask, Number, Simd, Task};
 use smallvec::SmallVec;
 
 use crate::CHUNK;
@@ -10,13 +11,13 @@ use crate::cell::{Counted, Place};
 use crate::plane::{Plane, Side};
 use crate::prim::{Around, Prim};
 
-/// How many primitives of each chunk of a large cell move when it is divided.
+/// The number of primitives that move when a large cell is divided, chunk by chunk.
 pub(crate) struct ChunkCounts {
     moving: Vec<usize>,
 }
 
 impl ChunkCounts {
-    /// Counts on several threads; `None` if there is nothing to count.
+    /// Counts on several threads; `None` if the plane cuts off empty space only.
     pub(crate) fn of<S: PrimSource>(division: &Division<'_, S>, cell: &[Prim]) -> Option<Self> {
         if division.cuts_nothing().is_some() {
             return None;
@@ -29,7 +30,7 @@ impl ChunkCounts {
         Some(Self { moving })
     }
 
-    /// How many move in all.
+    /// The number that moves in all.
     pub(crate) fn total(&self) -> usize {
         self.moving.iter().sum()
     }
@@ -42,13 +43,13 @@ pub(crate) struct Division<'a, S> {
     pub(crate) plane: &'a Plane,
 }
 
-/// Both parts of a divided cell.
+/// Both sides of a divided cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Divided {
-    /// The places of the lower and the upper part.
+    /// The places of the lower and the upper side.
     pub(crate) places: [Place; 2],
     pub(crate) counted: Counted,
-    /// The part that is where the cell was; the other one is where it was free. Each starts its memory.
+    /// The side that stays in the memory of the cell. The other one is in the memory that was free. Each is at the front.
     stays: Side,
 }
 
@@ -59,8 +60,8 @@ pub(crate) struct Room<'a> {
 }
 
 impl Divided {
-    /// One part with all the room there is, if the lower one is built first: the upper one waits meanwhile, and has
-    /// everything afterwards.
+    /// One side with all free memory, where the lower side is built before the upper one: the upper side is kept meanwhile, and
+    /// gets all of the memory afterwards.
     pub(crate) fn one<'a>(
         &self,
         part: Side,
@@ -77,7 +78,7 @@ impl Divided {
         Room { prims, free }
     }
 
-    /// Both parts, and the rest of the room divided between them.
+    /// Both sides, with the free memory divided between them.
     pub(crate) fn both<'a>(&self, cell: &'a mut [Prim], free: &'a mut [Prim]) -> [Room<'a>; 2] {
         let Counted { lower, upper } = self.counted;
         let (lower_memory, upper_memory) = match self.stays {
@@ -86,18 +87,15 @@ impl Divided {
         };
         let (lower, below) = lower_memory.split_at_mut(lower);
         let (upper, above) = upper_memory.split_at_mut(upper);
-        // The part that stays is likely to be the larger one, and where it was free there is more left.
+        // The side that stays is likely to be the larger one, and the memory that was free has more left.
         [(lower, above), (upper, below)].map(|(prims, free)| Room { prims, free })
     }
 }
 
-/// Primitives that are divided together: a bit for each fits into an integer.
+/// Primitives that are divided together: a bit for each fits an integer.
 const BLOCK: usize = 64;
 
-/// Primitives that are held against a plane together.
-const LANES: usize = 8;
-
-/// A copy of some primitives, to be divided while what they are a copy of is overwritten.
+/// A copy of some primitives, divided while the originals are overwritten.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     prims: [Prim; BLOCK],
@@ -124,29 +122,25 @@ impl Block {
 /// A bit for each primitive of a block.
 type Bits = u64;
 
-/// A way to hold primitives against a plane.
-pub(crate) trait Compare: Copy {
-    /// A bit for each start below the position, and one for each end above it.
-    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8);
+/// [`Division::divide`] at some level.
+struct Divide<'a, 'l, S> {
+    division: &'a Division<'a, S>,
+    block: &'a Block,
+    lists: [&'l mut [Prim]; 2],
+    filled: &'l mut Filled,
 }
 
-/// Whatever the target has.
-#[derive(Clone, Copy)]
-struct Portable;
+impl<L: Simd, S: PrimSource> Task<L> for Divide<'_, '_, S> {
+    type Output = ();
 
-impl Compare for Portable {
     #[inline(always)]
-    fn below_and_above(self, position: f32, starts: [f32; LANES], ends: [f32; LANES]) -> (u8, u8) {
-        let (mut below, mut above) = (0, 0);
-        for lane in 0..LANES {
-            below |= u8::from(starts[lane] < position) << lane;
-            above |= u8::from(ends[lane] > position) << lane;
-        }
-        (below, above)
+    fn run(self, simd: L) {
+        self.division
+            .divide_by(simd, self.block, self.lists, self.filled);
     }
 }
 
-/// How much of both parts is filled, and the boxes around it.
+/// The number of primitives stored on each side, and the boxes around them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Filled {
     counted: Counted,
@@ -155,8 +149,8 @@ pub(crate) struct Filled {
 }
 
 impl<S: PrimSource> Division<'_, S> {
-    /// Divides a cell within its memory: one part stays, and the other one moves to the front of what is free. The free
-    /// memory must be as large as the moving part, of [`moving`](Self::moving) primitives.
+    /// Divides a cell in its memory: one side stays, and the other moves to the front of the free memory, which must have room
+    /// for [`moving`](Self::moving) primitives.
     pub(crate) fn in_place(
         &self,
         cell: &mut [Prim],
@@ -172,7 +166,7 @@ impl<S: PrimSource> Division<'_, S> {
         self.divided(&filled, stays)
     }
 
-    /// Divides a cell, or a chunk of one: one part to its front, the other one to the front of other memory.
+    /// Divides a cell, or a chunk of one: one side to its front, the other to the front of other memory.
     fn divide_within(
         &self,
         cell: &mut [Prim],
@@ -183,7 +177,7 @@ impl<S: PrimSource> Division<'_, S> {
     ) {
         let mut from = 0;
         while from < cell.len() {
-            // Nothing is written behind what has been read.
+            // Writes never pass the primitives that were read.
             block.copy_from(&cell[from..]);
             from += block.count;
             let lists = match stays {
@@ -194,7 +188,7 @@ impl<S: PrimSource> Division<'_, S> {
         }
     }
 
-    /// The part that all primitives are in, if that can be told without looking at them: where empty space is cut off.
+    /// The side of all primitives, if the plane cuts off empty space: known from the box around them.
     fn cuts_nothing(&self) -> Option<Side> {
         let (axis, tight) = (self.plane.axis.index(), &self.place.tight);
         let is_below = tight.max[axis] < self.plane.position;
@@ -208,8 +202,8 @@ impl<S: PrimSource> Division<'_, S> {
         }
     }
 
-    /// The part that stays, because more is likely to be in it: the one that takes more of the box around the
-    /// primitives. All of it, where empty space is cut off.
+    /// The side that stays, because it is likely to hold more: the one with more of the box around the primitives, or with all of
+    /// it where empty space is cut off.
     fn staying(&self) -> Side {
         let axis = self.plane.axis.index();
         let (below, above) = (
@@ -223,7 +217,7 @@ impl<S: PrimSource> Division<'_, S> {
         }
     }
 
-    /// How many primitives move if the cell is divided in place.
+    /// The number of primitives that move if the cell is divided in place.
     pub(crate) fn moving(&self, cell: &[Prim]) -> usize {
         if self.cuts_nothing().is_some() {
             return 0;
@@ -232,8 +226,8 @@ impl<S: PrimSource> Division<'_, S> {
     }
 
     /// [`in_place`](Self::in_place) for a large cell, in chunks on several threads (`ClassifyTriangles` and
-    /// `FilterGeometry` of Choi et al. 2010). What moves has been counted for each chunk, so it is known where its part
-    /// of the outcome goes, and the order is that of the cell.
+    /// `FilterGeometry` of Choi et al. 2010). The moving primitives of each chunk are counted before, so that each chunk knows
+    /// where it writes, and the order is that of the cell.
     pub(crate) fn in_chunks(
         &self,
         cell: &mut [Prim],
@@ -278,29 +272,30 @@ impl<S: PrimSource> Division<'_, S> {
         }
     }
 
-    /// Divides a block: appends to both lists, in order, and takes note of it. What straddles the plane is clipped anew
-    /// from the original primitive ("perfect split").
+    /// Divides a block: appends to both lists, in order, and updates `filled`. A primitive that straddles the plane is clipped
+    /// from the original primitive again ("perfect split").
     ///
     /// All builders divide by this one function, so equal planes give equal trees.
     fn divide(&self, block: &Block, lists: [&mut [Prim]; 2], filled: &mut Filled) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.divide(self, block, lists, filled);
-        }
-        self.divide_by(Portable, block, lists, filled);
+        Level::detect().run(Divide {
+            division: self,
+            block,
+            lists,
+            filled,
+        });
     }
 
-    /// On which side a primitive lies is as good as random, so there is no branch on it: first there are bits that
-    /// tell it for all, and then each list takes its own.
+    /// The side of a primitive is unpredictable, so no branch depends on it: bits of all primitives are computed first, and each
+    /// list copies its own.
     #[inline(always)]
-    pub(crate) fn divide_by(
+    fn divide_by(
         &self,
-        compare: impl Compare,
+        simd: impl Simd,
         block: &Block,
         [lower_list, upper_list]: [&mut [Prim]; 2],
         filled: &mut Filled,
     ) {
-        let [lower_bits, upper_bits] = self.sides(compare, block);
+        let [lower_bits, upper_bits] = self.sides(simd, block);
         let Counted { lower, upper } = filled.counted;
         let (lower_list, upper_list) = (&mut lower_list[lower..], &mut upper_list[upper..]);
         let mut lower = take(&block.prims, lower_bits, lower_list);
@@ -308,12 +303,12 @@ impl<S: PrimSource> Division<'_, S> {
 
         let cut = lower_bits & upper_bits;
         if cut != 0 {
-            // All are fetched before the first one is needed.
+            // All shapes are fetched before the first one is needed.
             let mut shapes = SmallVec::<[S::Shape; BLOCK]>::new();
             shapes.extend(
                 numbers::<BLOCK>(cut).map(|number| self.source.shape(block.prims[number].slot())),
             );
-            // The last one first: what clipping finds to be nothing is closed up, and moves only what is mended.
+            // The last one first: a primitive that clipping finds empty is removed, and moves only those that are done.
             let mut rest = cut;
             for shape in shapes.iter().rev() {
                 let number = rest.ilog2();
@@ -335,18 +330,18 @@ impl<S: PrimSource> Division<'_, S> {
         filled.counted.upper += upper;
     }
 
-    /// Which primitives of a block go to the lower and to the upper part; those in both are cut.
+    /// The primitives of a block that go to the lower and to the upper side; those in both are cut.
     #[inline(always)]
-    fn sides(&self, compare: impl Compare, block: &Block) -> [Bits; 2] {
+    fn sides(&self, simd: impl Simd, block: &Block) -> [Bits; 2] {
         let Plane { axis, position, .. } = *self.plane;
+        let plane = simd.splat(position);
         let (mut below, mut above) = (0, 0);
         let (groups, _) = block.prims.as_chunks::<LANES>();
         for (number, group) in groups[..block.count.div_ceil(LANES)].iter().enumerate() {
-            let starts = group.each_ref().map(|prim| prim.start(axis));
-            let ends = group.each_ref().map(|prim| prim.end(axis));
-            let bits = compare.below_and_above(position, starts, ends);
-            below |= Bits::from(bits.0) << (LANES * number);
-            above |= Bits::from(bits.1) << (LANES * number);
+            let starts = simd.values(group.each_ref().map(|prim| prim.start(axis)));
+            let ends = simd.values(group.each_ref().map(|prim| prim.end(axis)));
+            below |= Bits::from(starts.lt(plane).bits()) << (LANES * number);
+            above |= Bits::from(plane.lt(ends).bits()) << (LANES * number);
         }
         let all = Bits::MAX >> (BLOCK - block.count);
         let sides = match self.plane.planar_side {
@@ -358,9 +353,9 @@ impl<S: PrimSource> Division<'_, S> {
 
     /// The parts of a primitive that the plane cuts.
     ///
-    /// Sides of the cell that the part in it does not touch need no clipping: were they not there, the part would reach
-    /// no further, because it is convex, and would have to cross the side. (What is not convex may reach further, and
-    /// is cut to the box that is known: the parts are then larger than they need be, and hold all the same.)
+    /// Faces of the cell that the part inside does not touch need no clipping: the part is convex, and would have to cross a
+    /// face to reach beyond it. (A shape that is not convex may reach further, and is cut to the known box: its parts are then
+    /// larger than necessary, and still valid.)
     #[inline(always)]
     fn cut(&self, prim: &Prim, shape: &S::Shape) -> [Option<Prim>; 2] {
         let (plane, cell, whole) = (self.plane, &self.place.bounds, prim.bounds());
@@ -374,7 +369,7 @@ impl<S: PrimSource> Division<'_, S> {
             .clipped_halves(shape, &touched, plane.axis, plane.position)
             .map(|part| part.map(|part| part.intersection(&whole)));
         let parts = if parts == [None, None] {
-            // Rounding put a sliver of it outside of both; it must not be lost.
+            // Rounding put a sliver outside both sides; it must not be lost.
             let (below, above) = whole.split(plane.axis, plane.position);
             [Some(below), Some(above)]
         } else {
@@ -391,7 +386,7 @@ impl Filled {
         upper_tight: Around::NOTHING,
     };
 
-    /// All in one part.
+    /// All on one side.
     fn all(side: Side, count: usize, tight: &Aabb) -> Self {
         let (nothing, all) = (Self::NOTHING, Around::of(tight));
         match side {
@@ -414,7 +409,7 @@ impl Filled {
         }
     }
 
-    /// This and another one.
+    /// The union with another one.
     fn and(&self, other: &Self) -> Self {
         Self {
             counted: Counted {
@@ -427,7 +422,7 @@ impl Filled {
     }
 }
 
-/// Copies what bits name to the front of a list, and gives how many that are.
+/// Copies the primitives of the set bits to the front of a list, and returns their number.
 #[inline(always)]
 fn take(prims: &[Prim; BLOCK], bits: Bits, list: &mut [Prim]) -> usize {
     let count = bits.count_ones() as usize;
@@ -437,8 +432,7 @@ fn take(prims: &[Prim; BLOCK], bits: Bits, list: &mut [Prim]) -> usize {
     count
 }
 
-/// Puts a part of a primitive in its place, the first of a list, or closes up the list if there is no such part. Gives
-/// how many are gone.
+/// Replaces the first primitive of a list by a part of it, or removes it if there is no part. Returns the number removed.
 #[inline(always)]
 fn mend(list: &mut [Prim], part: Option<Prim>) -> usize {
     if let Some(part) = part {
@@ -450,7 +444,7 @@ fn mend(list: &mut [Prim], part: Option<Prim>) -> usize {
     }
 }
 
-/// Moves what was filled together, where clipping left less of a chunk than was counted.
+/// Closes the gaps between chunks, where clipping left fewer primitives than were counted.
 fn close_gaps(prims: &mut [Prim], chunks: impl Iterator<Item = (usize, usize)>) {
     let (mut to, mut from) = (0, 0);
     for (filled, counted) in chunks {
@@ -504,7 +498,7 @@ mod tests {
     }
 
     proptest! {
-        /// In place, in chunks, and by what every target has, against one primitive after the other; twice in a row, so
+        /// In place, in chunks, and at the portable level, compared with one primitive after the other; twice in a row, so
         /// that the second time there are parts of triangles.
         #[test]
         fn all_ways_divide_the_same(
@@ -545,10 +539,15 @@ mod tests {
                 let mut block = Block::default();
                 for chunk in prims.chunks(BLOCK) {
                     block.copy_from(chunk);
-                    division.divide_by(Portable, &block, [&mut lower, &mut upper], &mut filled);
+                    Level::portable().run(Divide {
+                        division: &division,
+                        block: &block,
+                        lists: [&mut lower, &mut upper],
+                        filled: &mut filled,
+                    });
                 }
-                prop_assert_eq!(&lower[..filled.counted.lower], &slowly[0][..], "on every target");
-                prop_assert_eq!(&upper[..filled.counted.upper], &slowly[1][..], "on every target");
+                prop_assert_eq!(&lower[..filled.counted.lower], &slowly[0][..], "portable");
+                prop_assert_eq!(&upper[..filled.counted.upper], &slowly[1][..], "portable");
 
                 let mut free = Prim::room_for(division.moving(&prims));
                 let divided = division.in_place(&mut prims, &mut free, &mut block);

@@ -39,10 +39,8 @@
 //! - A primitive that lies in a plane goes to one side, the cheaper one.
 //! - The same input and options give the same bytes at any number of threads.
 //! - Empty input gives one empty leaf. Zero-area primitives are kept, and end the recursion like any other.
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 mod bins;
 mod bits;
 mod cell;

@@ -1,13 +1,14 @@
-//! Bins that may hold the best plane: each has a bound of what any plane in it can cost.
+//! Promising bins: those that may hold the best plane, by a lower bound of the cost of all planes in a bin.
 //!
-//! A plane in a bin has at least the primitives of all bins before it below it, at least those of all bins behind it
-//! above it, and cuts off at least as much of the cell as the bin's own faces, so it costs at least as much as such a
-//! plane would. On the other hand, between two neighbouring starts or ends the cost is linear, so that one of them
-//! costs no more than a plane anywhere between: the boundaries of bins, whose cost is known, tell what the best plane
-//! costs at most. Whatever cannot beat that is left alone; the starts and ends in the other bins are collected, sorted
-//! and swept, most promising bin first, until no bin can hold anything better.
+//! A plane in a bin has at least the primitives of all bins before it below it, and at least those of all bins after it above
+//! it. It leaves at least as much of the cell on each side as the faces of the bin do. So it costs at least as much as a plane
+//! with these numbers. The boundaries between bins, whose costs are known, bound the cost of the best plane from above: the cost
+//! is linear between two neighboring starts or ends, so that one of the two costs no more than any plane between them. Bins
+//! whose lower bound exceeds that are skipped. The starts and ends in the other bins are collected, sorted and swept, most
+//! promising bin first, until no remaining bin can hold a cheaper plane.
 
 use kd_core::Axis;
+use kd_simd::{LANES, Level, Task};
 use smallvec::SmallVec;
 
 use crate::CHUNK;
@@ -17,19 +18,19 @@ use crate::collect::{Collected, Wanted};
 use crate::events::sweep;
 use crate::plane::{BestPlane, CellCost, Side};
 
-/// A bin, and what bounds its planes.
+/// A bin, with the bound of its planes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     pub(crate) axis: Axis,
     pub(crate) bin: usize,
     /// No plane in the bin costs less.
     pub(crate) at_least: f32,
-    /// Primitives that reach below all of the bin, and those that reach above where it starts.
+    /// The number of primitives that start before the bin, and of those that do not end before it.
     pub(crate) before: (usize, usize),
 }
 
-/// The first and the last bin, of those between the outer ones, where anything starts or ends; the first behind the
-/// last if there is none.
+/// The first and the last bin between the outer ones in which a primitive starts or ends; the first after the last if none
+/// does.
 fn occupied_between(bins: &Bins, axis: Axis) -> (usize, usize) {
     let (starts, ends) = bins.along(axis);
     let outer = starts.len() - 1;
@@ -47,7 +48,7 @@ pub(crate) struct Promising<'a> {
     boundary: Option<Boundary>,
 }
 
-/// A boundary between bins, and how many of the counted primitives reach below and above it.
+/// A boundary between bins, and the number of counted primitives on each side.
 #[derive(Clone, Copy, Debug)]
 struct Boundary {
     axis: Axis,
@@ -55,23 +56,20 @@ struct Boundary {
     counts: (usize, usize),
 }
 
-/// Bins looked at together.
-const LANES: usize = 8;
-
-/// Neighbouring bins.
+/// Eight neighboring bins.
 pub(crate) struct Group {
     /// The first one.
     from: usize,
-    /// Of each bin, primitives that start before it, those that do not end before it, and those of them that do not
-    /// end in it either.
+    /// For each bin: primitives that start before it, primitives that do not end before it, and those of the latter that do not
+    /// end in it.
     lower: [u32; LANES],
     upper: [u32; LANES],
     beyond: [u32; LANES],
 }
 
 impl Group {
-    /// `before` are the primitives that start before the first bin, and those that do not end before it; then of the
-    /// bin behind the last.
+    /// `before` has the number of primitives that start before the first bin, and of those that do not end before it. It is
+    /// advanced to the bin after the last.
     fn new(from: usize, before: &mut (u32, u32), starts: &[u32], ends: &[u32]) -> Self {
         let mut group = Self {
             from,
@@ -94,7 +92,7 @@ impl Group {
         (self.lower[lane] as usize, self.upper[lane] as usize)
     }
 
-    /// What planes where each bin starts cost, and no plane in the bin costs less than.
+    /// The cost of a plane at the start of each bin, and the lower bound of the costs of all planes in the bin.
     fn costs(
         &self,
         cost: &CellCost,
@@ -102,17 +100,19 @@ impl Group {
         edges: &Edges,
         step: u32,
     ) -> ([f32; LANES], [f32; LANES]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = crate::avx2::Avx2::detect() {
-            return avx2.costs(self, cost, axis, edges, step);
-        }
-        self.costs_here(cost, axis, edges, step)
+        Level::detect().run(Costs {
+            group: self,
+            cost,
+            axis,
+            edges,
+            step,
+        })
     }
 
-    /// [`costs`](Self::costs), compiled for whatever calls it.
+    /// [`costs`](Self::costs) at the level that its caller is compiled for, whose vector instructions the loops become.
     #[inline(always)]
     #[allow(clippy::cast_possible_truncation, reason = "at most MOST_BINS")]
-    pub(crate) fn costs_here(
+    fn costs_here(
         &self,
         cost: &CellCost,
         axis: Axis,
@@ -138,7 +138,26 @@ impl Group {
     }
 }
 
-/// What is computed of a cost that is linear is so up to rounding.
+/// [`Group::costs`] at some level.
+struct Costs<'a> {
+    group: &'a Group,
+    cost: &'a CellCost,
+    axis: Axis,
+    edges: &'a Edges,
+    step: u32,
+}
+
+impl<S> Task<S> for Costs<'_> {
+    type Output = ([f32; LANES], [f32; LANES]);
+
+    #[inline(always)]
+    fn run(self, _: S) -> Self::Output {
+        self.group
+            .costs_here(self.cost, self.axis, self.edges, self.step)
+    }
+}
+
+/// Costs are linear up to rounding.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 18) as f32;
 
 impl<'a> Promising<'a> {
@@ -199,15 +218,15 @@ impl<'a> Promising<'a> {
         }
     }
 
-    /// Forgets all but the first few, and whatever cannot cost less than asked for.
+    /// Keeps the first `most` candidates, and of them those that may cost at most `below`.
     pub(crate) fn limit(&mut self, most: usize, below: f32) {
         self.candidates.truncate(most);
         self.candidates
             .retain(|candidate| candidate.at_least <= below);
     }
 
-    /// Offers the starts and ends in all of the bins, but for what cannot be best. `chunks` are the counts of the
-    /// cell's chunks.
+    /// Offers the starts and ends in all candidate bins that may hold a better plane. `chunks` are the counts of the cell's
+    /// chunks.
     pub(crate) fn offer_to(
         &self,
         best: &mut BestPlane<'_>,
@@ -228,7 +247,7 @@ impl<'a> Promising<'a> {
             });
             Collected::of(prims, self.step as usize, self.grid, &wanted, counts)
         });
-        // Those that several threads look into at once do not know of each other.
+        // Bins that several threads sweep at once do not share their best plane.
         let stride = if parallel && collected.len() > 1 {
             self.candidates.len()
         } else {
@@ -274,9 +293,9 @@ mod tests {
     use crate::plane::LeafCost;
 
     proptest! {
-        /// What the processor has against what every target has, and both against one plane at a time.
+        /// The detected level equals the portable one, and both equal one plane at a time.
         #[test]
-        fn all_ways_cost_the_same(
+        fn all_levels_cost_the_same(
             starts in prop::collection::vec(0_u32..50, 1..=LANES),
             ends in prop::collection::vec(0_u32..50, LANES),
             step in 1_u32..5,

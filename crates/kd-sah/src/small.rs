@@ -1,74 +1,80 @@
 //! The plane of least SAH cost for a cell of few primitives: every candidate counted against every primitive, many
 //! candidates at a time.
 //!
-//! This is the naive method, and for few primitives the fastest: no sorting, no branches that depend on the data. The
-//! body is compiled twice, for whatever the target has and for AVX2, and the processor decides at run time
-//! which one runs. Only comparisons, integers and single operations on f32 are in it, nothing that a wider instruction
-//! would round differently, so both give the same plane.
+//! This is the naive method, and the fastest for few primitives: no sorting, no branches that depend on the data. It is
+//! compiled for each [`Level`]. Comparisons, integers and single operations on f32 round alike at all levels, so all give
+//! the same plane.
 
 use kd_core::Axis;
+use kd_simd::{Level, Number, Simd, Task, U32x8};
 
 use crate::plane::{AxisCost, BestPlane, CellCost, Plane, Side};
 use crate::prim::Prim;
 
-/// A cell with more primitives is none of ours.
+/// The largest number of primitives of a small cell.
 pub(crate) const SMALL: usize = 64;
 
-/// Candidates looked at together.
+/// Candidates that are counted together.
 const LANES: usize = 16;
 
-/// One number for each of them.
+/// A number for each candidate.
 type Lanes<T> = [T; LANES];
 
-/// The best plane at any start or end of a primitive; `None` if nothing divides the cell.
+/// The best plane at a start or end of a primitive; `None` if none divides the cell.
 ///
 /// # Panics
 ///
 /// If there are more than [`SMALL`] primitives.
 pub(crate) fn best_plane(prims: &[Prim], cost: &CellCost) -> Option<Plane> {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = crate::avx2::Avx2::detect() {
-        return avx2.best_plane(prims, cost);
-    }
-    best_plane_by(Portable, prims, cost)
+    Level::detect().run(FindBestPlane { prims, cost })
 }
 
-/// A way to count.
-pub(crate) trait Count: Copy {
-    /// Of each candidate, how many primitives start below it, and how many end above it.
-    fn below_and_above(
-        self,
-        candidates: &Lanes<f32>,
-        starts: &[f32],
-        ends: &[f32],
-    ) -> (Lanes<u32>, Lanes<u32>);
+/// [`best_plane`] at some level.
+struct FindBestPlane<'a> {
+    prims: &'a [Prim],
+    cost: &'a CellCost,
 }
 
-/// Whatever the target has.
-#[derive(Clone, Copy)]
-struct Portable;
+impl<S: Simd> Task<S> for FindBestPlane<'_> {
+    type Output = Option<Plane>;
 
-impl Count for Portable {
     #[inline(always)]
-    fn below_and_above(
-        self,
-        candidates: &Lanes<f32>,
-        starts: &[f32],
-        ends: &[f32],
-    ) -> (Lanes<u32>, Lanes<u32>) {
-        let (mut below, mut above) = ([0; LANES], [0; LANES]);
-        for (&start, &end) in starts.iter().zip(ends) {
-            for (lane, &candidate) in candidates.iter().enumerate() {
-                below[lane] += u32::from(start < candidate);
-                above[lane] += u32::from(end > candidate);
-            }
+    fn run(self, simd: S) -> Option<Plane> {
+        best_plane_by(simd, self.prims, self.cost)
+    }
+}
+
+/// For each candidate, the number of primitives that start below it, and of those that end above it.
+struct BelowAndAbove<'a> {
+    candidates: &'a Lanes<f32>,
+    starts: &'a [f32],
+    ends: &'a [f32],
+}
+
+impl<S: Simd> Task<S> for BelowAndAbove<'_> {
+    type Output = (Lanes<u32>, Lanes<u32>);
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Self::Output {
+        let [first, second] = bytemuck::must_cast_ref::<Lanes<f32>, [[f32; 8]; 2]>(self.candidates);
+        let (first, second) = (simd.load(first), simd.load(second));
+        let none = simd.splat_u32(0);
+        let (mut below, mut above) = ([none; 2], [none; 2]);
+        for (&start, &end) in self.starts.iter().zip(self.ends) {
+            let (start, end) = (simd.splat(start), simd.splat(end));
+            below[0] = below[0].count(start.lt(first));
+            below[1] = below[1].count(start.lt(second));
+            above[0] = above[0].count(first.lt(end));
+            above[1] = above[1].count(second.lt(end));
         }
-        (below, above)
+        let below = [below[0].to_array(), below[1].to_array()];
+        let above = [above[0].to_array(), above[1].to_array()];
+        (bytemuck::must_cast(below), bytemuck::must_cast(above))
     }
 }
 
 #[inline(always)]
-pub(crate) fn best_plane_by(count: impl Count, prims: &[Prim], cost: &CellCost) -> Option<Plane> {
+fn best_plane_by<S: Simd>(simd: S, prims: &[Prim], cost: &CellCost) -> Option<Plane> {
     let number = prims.len();
     assert!(number <= SMALL, "{number} are too many");
     let mut best = BestPlane::new(cost);
@@ -84,9 +90,9 @@ pub(crate) fn best_plane_by(count: impl Count, prims: &[Prim], cost: &CellCost) 
         let (starts, ends) = (&starts[..number], &ends[..number]);
         let judge = Judge::new(cost, axis);
         if is_any_planar {
-            judge.offer_all::<true>(count, starts, ends, &mut best);
+            judge.offer_all::<true, S>(simd, starts, ends, &mut best);
         } else {
-            judge.offer_all::<false>(count, starts, ends, &mut best);
+            judge.offer_all::<false, S>(simd, starts, ends, &mut best);
         }
     }
     best.found()
@@ -97,7 +103,7 @@ struct Judge<'a> {
     cost: &'a CellCost,
     axis: Axis,
     along: AxisCost,
-    /// Lanes of the model, or as many as make no difference.
+    /// Lanes of the model, at most [`SMALL`], beyond which they make no difference.
     lanes: u32,
     /// 2¹⁶ over `lanes`, rounded up: multiplying by it and shifting divides such small counts exactly.
     reciprocal: u32,
@@ -124,7 +130,7 @@ impl<'a> Judge<'a> {
         self.cost.leaf.block * blocks.cast_signed() as f32
     }
 
-    /// What [`BestPlane::offer_side`] takes a plane to cost; infinite if it divides nothing.
+    /// The cost of a plane, as of [`BestPlane::offer_side`]; infinite if the plane does not divide the cell.
     #[inline(always)]
     fn plane(&self, position: f32, lower: u32, upper: u32) -> f32 {
         let along = &self.along;
@@ -145,9 +151,9 @@ impl<'a> Judge<'a> {
     }
 
     #[inline(always)]
-    fn offer_all<const PLANAR: bool>(
+    fn offer_all<const PLANAR: bool, S: Simd>(
         &self,
-        count: impl Count,
+        simd: S,
         starts: &[f32],
         ends: &[f32],
         best: &mut BestPlane<'_>,
@@ -166,7 +172,11 @@ impl<'a> Judge<'a> {
         let mut upper_side = Least::NOTHING;
         let (candidates, _) = positions.as_chunks::<LANES>();
         for candidates in &candidates[..number.div_ceil(LANES)] {
-            let (below, above) = count.below_and_above(candidates, starts, ends);
+            let (below, above) = simd.run(BelowAndAbove {
+                candidates,
+                starts,
+                ends,
+            });
             let planar = if PLANAR {
                 planar(candidates, starts, ends)
             } else {
@@ -210,7 +220,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// How many primitives lie in each candidate plane.
+/// The number of primitives in each candidate plane.
 #[inline(always)]
 fn planar(candidates: &Lanes<f32>, starts: &[f32], ends: &[f32]) -> Lanes<u32> {
     let mut planar = [0; LANES];
@@ -222,7 +232,7 @@ fn planar(candidates: &Lanes<f32>, starts: &[f32], ends: &[f32]) -> Lanes<u32> {
     planar
 }
 
-/// The least cost in each lane, and where it is; at the lowest position among equals.
+/// The least cost in each lane, and its position; the lowest position among equals.
 struct Least {
     cost: Lanes<f32>,
     position: Lanes<f32>,
@@ -258,16 +268,16 @@ mod tests {
     use crate::prim::samples::boxes;
 
     proptest! {
-        /// Whatever the processor has against what every target has, and against the plain judge.
+        /// The detected level equals the portable one, and both equal the judge without lanes.
         #[test]
-        fn all_ways_give_the_same_plane(
+        fn all_levels_give_the_same_plane(
             boxes_at in prop::collection::vec(([-4_i8..5, -4_i8..5, -4_i8..5], [0_i8..3, 0_i8..3, 0_i8..3]), 1..SMALL),
             lanes in 1_u32..80,
         ) {
             let (prims, cell) = boxes(&boxes_at);
             let model = CostModel { lanes, ..CostModel::CLASSIC };
             let cost = CellCost::new(LeafCost::new(&model), &cell);
-            let portable = best_plane_by(Portable, &prims, &cost);
+            let portable = Level::portable().run(FindBestPlane { prims: &prims, cost: &cost });
             prop_assert_eq!(best_plane(&prims, &cost), portable);
             let place = Place { bounds: cell, tight: cell, depth: 0 };
             let cell = Cell { place: &place, prims: &prims };

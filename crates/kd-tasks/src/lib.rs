@@ -130,6 +130,19 @@ pub fn join<A: Send, B: Send>(
     }
 }
 
+/// Runs both and returns both results; at the same time if `is_parallel`, otherwise `a` before `b`.
+pub fn join_if<A: Send, B: Send>(
+    is_parallel: bool,
+    a: impl FnOnce() -> A + Send,
+    b: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    if is_parallel {
+        return rayon::join(a, b);
+    }
+    (a(), b())
+}
+
 /// Applies `work` to each item; results are in the order of the items. Each item is one task, so items should be few and
 /// large.
 pub fn map<T: Send, R: Send>(
@@ -253,22 +266,27 @@ mod tests {
             let mut sorted: Vec<u32> = (0..10_000).rev().collect();
             sort(&mut sorted, is_parallel);
             let (a, b) = join(|| vec![1], |_| vec![2]);
+            let (c, d) = join_if(is_parallel, || vec![5], || vec![6]);
             let moved = in_pool(is_parallel, || vec![3]);
             let moved_to = in_pool_of(if is_parallel { 2 } else { 1 }, || vec![4]).expect("two");
-            vec![mapped, in_place, collected, sorted, a, b, moved, moved_to]
+            vec![
+                mapped, in_place, collected, sorted, a, b, c, d, moved, moved_to,
+            ]
         };
         with_threads(threads, work).expect("a few threads")
     }
 
     #[test]
     fn results_do_not_depend_on_threads() {
-        let expected: [Vec<u32>; 8] = [
+        let expected: [Vec<u32>; 10] = [
             (0..100).map(|x| 3 * x).collect(),
             (0..100).map(|x: u32| x * x.saturating_sub(1) / 2).collect(),
             (0..10_000).map(|x| x ^ 0x2a).collect(),
             (0..10_000).collect(),
             vec![1],
             vec![2],
+            vec![5],
+            vec![6],
             vec![3],
             vec![4],
         ];

@@ -1,7 +1,7 @@
-//! Every triangle, one by one: the oracle of all other queries, and the better way for a handful of triangles.
+//! Every triangle, one by one: the oracle of all other queries, and the faster way for a handful of triangles.
 //!
-//! No tree, no early rejection, nothing but the function that decides what is a hit. Answers are equal, bit for bit.
-//! Time is linear in the number of triangles.
+//! No tree and no early rejection: only the function that decides what is a hit. Answers equal those of every layout, bit for
+//! bit. Time is linear in the number of triangles.
 
 use kd_core::{Hit, Mesh, Ray};
 
@@ -21,7 +21,7 @@ pub fn occluded(mesh: &Mesh, ray: &Ray) -> bool {
 pub fn hits(mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
     out.clear();
     out.extend(every_hit(mesh, ray));
-    // Stable, so that among equals the lower triangle stays in front. A hit's t is neither NaN nor -0.0.
+    // Stable: among equals the lower triangle stays in front. A hit's t is neither NaN nor -0.0.
     out.sort_by(|a, b| a.t.total_cmp(&b.t));
     out.truncate(max);
 }

@@ -1,26 +1,26 @@
-//! What a query wants from the hits of a ray: the closest, any, or the first few in order.
+//! Which hits of a ray a query keeps: the closest, any, or the first few in order.
 
 use std::ops::ControlFlow;
 
 use kd_core::Hit;
 
-/// Takes the hits that a traversal finds, in any order, the same one possibly several times.
+/// Receives the hits that a traversal finds, in any order, some more than once.
 pub trait Collect {
-    /// Whether any hit is as good as any other, so that the first one ends the search.
+    /// Whether the first hit found ends the search.
     const ANY: bool = false;
-    /// Takes note that there is a hit, whichever: only where any will do.
+    /// Records that there is some hit. Called only where [`ANY`](Self::ANY) is true.
     fn take_any(&mut self) {}
-    /// Hits beyond this `t` are of no interest; hits at it may be.
+    /// Hits beyond this `t` do not matter; hits at it may.
     fn limit(&self) -> f32;
-    /// Takes a hit. Breaks if no other can matter.
+    /// Receives a hit. Breaks if no other hit can matter.
     fn take(&mut self, hit: Hit) -> ControlFlow<()>;
-    /// Whether a hit that was taken broke.
+    /// Whether [`take`](Self::take) broke.
     fn is_done(&self) -> bool {
         false
     }
 }
 
-/// Keeps the hit that comes first.
+/// Keeps the first of two hits.
 #[inline(always)]
 pub(crate) fn keep_first(best: &mut Option<Hit>, hit: Hit) {
     if best.is_none_or(|best| hit.is_before(&best)) {
@@ -31,7 +31,7 @@ pub(crate) fn keep_first(best: &mut Option<Hit>, hit: Hit) {
 /// The closest hit, the lower triangle among equals.
 #[derive(Debug, Default)]
 pub struct Closest(
-    /// The one so far.
+    /// The closest so far.
     pub Option<Hit>,
 );
 
@@ -51,7 +51,7 @@ impl Collect for Closest {
 /// Whether there is a hit.
 #[derive(Debug, Default)]
 pub struct Any(
-    /// Whether there was one.
+    /// Whether a hit was found.
     pub bool,
 );
 
@@ -82,9 +82,9 @@ impl Collect for Any {
 /// The first `max` hits in order, each triangle once.
 #[derive(Debug)]
 pub struct Ordered<'a> {
-    /// How many are kept; not 0.
+    /// Upper limit on the number kept; not 0.
     pub max: usize,
-    /// Sorted at all times. Leaves come roughly front to back, so that new hits go near the end.
+    /// Always sorted. Leaves come roughly front to back, so new hits are inserted near the end.
     pub out: &'a mut Vec<Hit>,
 }
 
@@ -99,7 +99,7 @@ impl Collect for Ordered<'_> {
 
     fn take(&mut self, hit: Hit) -> ControlFlow<()> {
         let place = self.out.partition_point(|other| other.is_before(&hit));
-        // A triangle met again gives the same t, so it stands exactly where it would go.
+        // A triangle that is hit again has the same t, so it is exactly at this place.
         let is_known = self
             .out
             .get(place)

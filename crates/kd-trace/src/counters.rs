@@ -1,29 +1,31 @@
-//! What rays cost, counted: feature `counters`.
+//! Counts of the steps of a ray: feature `counters`.
 //!
-//! The same traversals, compiled once more with something that counts their steps. Those that do not count cost the same
-//! with this feature and without.
+//! The same traversals, compiled again with a [`Probe`] that counts. Traversals that do not count are the same with this
+//! feature and without.
 
 use kd_core::{Hit, Mesh, Ray, Tree};
+use kd_wide::WideTree;
 
+use crate::binary::indexed::Indexed;
+use crate::binary::packed::PackedTree;
+use crate::binary::walk::walk;
 use crate::collect::{Any, Closest};
-use crate::packed::PackedTree;
+use crate::dispatch::walk_wide;
 use crate::probe::Probe;
-use crate::query::Indexed;
-use crate::walk::walk;
-use crate::wide::WideTree;
+use crate::ray_query::RayQuery;
 
-/// What one ray cost. For heat maps, and to compare trees without a clock.
+/// The steps of one ray. For heat maps, and to compare trees without a clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraversalCounts {
     /// Interior nodes visited.
     pub nodes: u32,
     /// Leaves visited, empty ones included.
     pub leaves: u32,
-    /// Triangles looked at, the same one in several leaves counting anew.
+    /// Triangles in the visited leaves; a triangle counts in each of its leaves.
     pub triangles: u32,
-    /// Blocks of up to eight triangles looked at together; 0 where triangles are looked at one by one.
+    /// Blocks of up to eight triangles that were tested together; 0 where triangles are tested one by one.
     pub blocks: u32,
-    /// Triangles among them that f32 did not reject.
+    /// Triangles that the early rejection in f32 did not reject.
     pub decisions: u32,
 }
 
@@ -46,7 +48,7 @@ impl Probe for TraversalCounts {
     }
 }
 
-/// [`intersect`](crate::intersect), and what it took. Slower; for heat maps and for comparing trees.
+/// [`intersect`](crate::intersect) with its counts. Slower; for heat maps and for comparing trees.
 ///
 /// # Panics
 ///
@@ -58,38 +60,43 @@ pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, T
     (closest.0, counts)
 }
 
-impl PackedTree {
-    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+/// [`RayQuery`] with counts. Slower; for heat maps, for comparing trees, and for fitting costs to measured times.
+pub trait CountedQuery: RayQuery {
+    /// [`intersect`](RayQuery::intersect) with its counts.
+    fn intersect_counted(&self, ray: &Ray) -> (Option<Self::Hit>, TraversalCounts);
+
+    /// [`occluded`](RayQuery::occluded) with its counts.
+    fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts);
+}
+
+impl CountedQuery for PackedTree {
+    fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk(self, ray, &mut closest, &mut counts);
+        self.walk(ray, &mut closest, &mut counts);
         (closest.0, counts)
     }
 
-    /// As [`occluded`](Self::occluded), and what it took. Slower; for fitting costs to measured times.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+    fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
         let mut any = Any::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk(self, ray, &mut any, &mut counts);
+        self.walk(ray, &mut any, &mut counts);
         (any.0, counts)
     }
 }
 
-impl WideTree {
-    /// As [`intersect_counted`](crate::intersect_counted), with the blocks counted too.
-    pub fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
+impl CountedQuery for WideTree {
+    fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
         let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk_wide(self, ray, &mut closest, &mut counts);
+        walk_wide(self, ray, &mut closest, &mut counts);
         (closest.0, counts)
     }
 
-    /// As [`occluded`](Self::occluded), and what it took.
-    pub fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
+    fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
         let mut any = Any::default();
         let mut counts = TraversalCounts::default();
-        self.level().walk_wide(self, ray, &mut any, &mut counts);
+        walk_wide(self, ray, &mut any, &mut counts);
         (any.0, counts)
     }
 }

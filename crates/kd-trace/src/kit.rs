@@ -1,7 +1,7 @@
-//! What another structure over a mesh needs to answer as these trees do, to the bit: the test of a triangle, what a query
-//! keeps, and the bound of every error between a plane and a reported hit.
+//! Pieces for other structures over a mesh, so that their answers equal those of these trees to the bit: the triangle test, the
+//! collectors of hits, and the bound of every error between a plane and a reported hit.
 //!
-//! Here is a structure of one box. Grids and bounding volume hierarchies ask the same way.
+//! The example is a structure of one box. Grids and bounding volume hierarchies use the pieces in the same way.
 //!
 //! ```
 //! use kd_core::{Hit, Mesh, Ray};
@@ -32,8 +32,8 @@
 //! ```
 
 pub use crate::collect::{Any, Closest, Collect, Ordered};
-pub use crate::float::{max, min};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::probe::Probe;
 pub use crate::triangle::TriangleTest;
-pub use crate::wide::{BinaryNode, BinaryTree, Item, ObjectSplit};
+pub use kd_simd::{max, min};
+pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit};

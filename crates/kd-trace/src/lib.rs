@@ -1,5 +1,5 @@
-//! Rays through kd-trees: the closest hit, any hit, or all hits in order. Watertight, and equal to brute force bit
-//! for bit.
+//! Rays through kd-trees and wide nodes: the closest hit, any hit, or all hits in order. Watertight, and equal to brute force
+//! bit for bit.
 //!
 //! ```
 //! use kd_core::{Mesh, Ray};
@@ -17,7 +17,7 @@
 //! // A shadow ray that ends before the square.
 //! assert!(!kd_trace::occluded(&tree, &mesh, &ray.with_range(0.0, 1.5)));
 //!
-//! // Both triangles contain their shared edge, and both are told.
+//! // Both triangles contain their shared edge, and both are reported.
 //! let mut hits = Vec::new();
 //! let through_edge = Ray::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]);
 //! kd_trace::hits(&tree, &mesh, &through_edge, usize::MAX, &mut hits);
@@ -25,11 +25,17 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Fast
+//! # Layouts
 //!
-//! [`WideTree`] holds nodes of eight children and the triangles of each leaf in blocks of eight, made from a tree and tested
-//! all at once. It has the same queries with the same answers, in a quarter to a half of the time. [`PackedTree`] keeps the tree's
-//! own nodes over such blocks.
+//! [`intersect`], [`occluded`] and [`hits`] traverse the kd-tree itself, and need nothing prepared. Rays are faster through a
+//! *layout*, a copy of the tree and its triangles with the same answers:
+//!
+//! - [`WideTree`] has nodes of up to eight children over blocks of eight triangles, which a ray tests together. Rays take a
+//!   quarter to a half of the time. It follows the planes of the kd-tree in cells of more than 1024 triangles only, and divides
+//!   smaller cells as objects (why: crate `kd-wide`).
+//! - [`PackedTree`] has the 8-byte nodes of the kd-tree over such blocks. It shows what a builder built.
+//!
+//! All layouts implement [`RayQuery`].
 //!
 //! ```
 //! # use kd_core::{Mesh, Ray};
@@ -37,29 +43,40 @@
 //! # let corners = vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
 //! # let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]])?;
 //! let tree = build(&mesh, &BuildOptions::default())?;
+//! use kd_trace::RayQuery;
 //! let wide = kd_trace::WideTree::new(&tree, &mesh);
 //! let ray = Ray::new([0.75, 0.25, 0.0], [0.0, 0.0, 1.0]);
 //! assert_eq!(wide.intersect(&ray), kd_trace::intersect(&tree, &mesh, &ray));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Structures that are no kd-trees answer by the same test: [`kit`] has what they need.
+//! Other structures answer by the same triangle test: [`kit`] has the pieces. With the feature `counters`, `CountedQuery` counts
+//! the nodes, leaves and triangles of a ray.
 //!
-//! With the feature `counters`, queries that end in `_counted` tell what a ray took.
+//! # Files
+//!
+//! | file | content |
+//! |---|---|
+//! | `triangle.rs`, `decision.rs` | the triangle test: early rejection in f32, the decision in f64 |
+//! | `planes.rs` | crossings of planes and boxes, with the bound of their errors |
+//! | `binary/` | traversal of 8-byte nodes: one ray at a time |
+//! | `wide/` | traversal of wide nodes: single rays, packets, tiles, queues |
+//! | `dispatch.rs` | the entries of all traversals, compiled for each level |
+//! | `collect.rs`, `ray_query.rs` | which hits a query keeps; the query trait |
+//! | `brute_force.rs` | every triangle, one by one |
 //!
 //! # What is a hit
 //!
-//! One function of a ray and a triangle decides, and every query here gives exactly what asking it about every
-//! triangle gives ([`brute_force`]): the tree, its planes and their rounding are not visible in any answer.
+//! One function of a ray and a triangle decides, and every query returns exactly the answer of applying it to every triangle
+//! ([`brute_force`]): the tree, its planes and their rounding are not visible in any answer.
 //!
 //! - Triangles are closed and have two sides: a ray through an edge or a corner hits every triangle around it, so
-//!   nothing slips through a closed surface. A triangle seen edge-on, or of no area, is not hit, except where the
-//!   rounding below opens it by a crack.
+//!   no ray slips through a closed surface. A triangle seen edge-on, or of no area, is not hit, except where the
+//!   rounding below widens it.
 //! - A hit counts at `t_min <= t <= t_max`, compared after `t` has been rounded to f32; both ends may be equal, and
 //!   negative. `t` is finite even where `t_max` is not.
-//! - `t`, `u` and `v` are computed in f64 and rounded to f32. Only where the ray passes an edge so closely, or sees a
-//!   triangle so nearly edge-on, that it matters, they are those of a triangle with corners moved by up to 2⁻²⁶ of
-//!   their distance from the ray.
+//! - `t`, `u` and `v` are computed in f64 and rounded to f32. Where the ray passes an edge too closely, or sees a triangle too
+//!   nearly edge-on for that, they are those of a triangle with corners moved by up to 2⁻²⁶ of their distance from the ray.
 //! - Equal `t` goes to the lower triangle.
 //! - A ray that is not finite, has no direction, no range or no mask ([`Ray::can_hit`]) hits nothing. Neither does a
 //!   ray in an empty tree.
@@ -69,29 +86,25 @@
 //! [`Ray::can_hit`]: kd_core::Ray::can_hit
 #![deny(unsafe_code)]
 
-mod block;
+mod binary;
 pub mod brute_force;
 mod collect;
 #[cfg(feature = "counters")]
 mod counters;
-mod float;
+mod decision;
+mod dispatch;
 pub mod kit;
-mod lanes;
-pub mod lazy;
-mod level;
-mod packed;
 mod planes;
 mod probe;
-mod query;
 mod ray_query;
 mod triangle;
-mod walk;
 mod wide;
 
+pub use binary::indexed::{hits, intersect, occluded};
+pub use binary::lazy;
+pub use binary::packed::{PackedArena, PackedTree};
 #[cfg(feature = "counters")]
-pub use counters::{TraversalCounts, intersect_counted};
-pub use level::Level;
-pub use packed::{PackedArena, PackedTree};
-pub use query::{hits, intersect, occluded};
+pub use counters::{CountedQuery, TraversalCounts, intersect_counted};
+pub use kd_simd::Level;
+pub use kd_wide::{Join, Joined, Refit, WideForest, WideTree};
 pub use ray_query::RayQuery;
-pub use wide::{Join, Joined, Refit, WideForest, WideTree};

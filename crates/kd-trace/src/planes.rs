@@ -51,8 +51,10 @@ mod packet;
 
 use glam::Vec3;
 use kd_core::{Aabb, Ray};
+use kd_simd::{max, min};
+pub use kd_wide::Frame;
+pub(crate) use kd_wide::PER_REACH;
 
-use crate::float::{max, min};
 pub use packet::PacketPlanes;
 
 /// Directions below this fraction of the largest are taken for it: 2⁻⁶⁰, inverted.
@@ -62,10 +64,6 @@ pub(crate) const LEAST_SLOPE: f32 = 1.0 / (1_u64 << 60) as f32;
 const _: () = assert!(LEAST_SLOPE as f64 * STEEPEST == 1.0, "the same limit");
 /// 2⁻²⁰, of the distance to the box's faces.
 pub(crate) const RELATIVE: f32 = 1.0 / (1 << 20) as f32;
-/// 2⁻²³, of the longest side.
-const PER_SIDE: f32 = 1.0 / (1 << 23) as f32;
-/// 2⁻⁴⁶, of distances and coordinates.
-pub(crate) const PER_REACH: f32 = 1.0 / (1_u64 << 46) as f32;
 /// 2⁻²², of the origin's coordinates, where `s / d - o / d` is computed in place of `(s - o) / d`.
 #[cfg_attr(
     not(target_arch = "x86_64"),
@@ -76,10 +74,10 @@ pub(crate) const PER_ORIGIN: f32 = 1.0 / (1 << 22) as f32;
 /// took to prepare a ray.)
 pub(crate) const PER_STEP: f32 = f32::from_bits((127 - 100) << 23);
 
-/// A ray, ready to be asked about planes.
+/// A ray, prepared for planes.
 #[derive(Clone, Copy, Debug)]
 pub struct RayPlanes {
-    /// One for each axis. The last is for the tag of a leaf: never asked, it saves a bounds check.
+    /// One for each axis. The last is for the tag of a leaf: never used, it saves a bounds check.
     axes: [AxisPlanes; 4],
     /// How many steps `t = 1` is.
     steps: f32,
@@ -87,7 +85,7 @@ pub struct RayPlanes {
     reach: f32,
 }
 
-/// A ray and the planes across one axis.
+/// A ray and the planes perpendicular to one axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct AxisPlanes {
     origin: f32,
@@ -95,56 +93,34 @@ struct AxisPlanes {
     inverse: f32,
     /// The bound.
     pad: f32,
-    /// Which child comes first: 0 for the lower one, 1 for the upper.
+    /// The near child: 0 for the lower one, 1 for the upper.
     near: u32,
 }
 
-/// Where a plane is crossed, in steps. Either may be infinite or NaN.
+/// The interval in which a ray crosses a plane, in steps. Either end may be infinite or NaN.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
     /// The far side starts here or later.
     pub first: f32,
     /// The near side ends here or earlier.
     pub last: f32,
-    /// Which side is the near one: 0 for the lower one, 1 for the upper.
+    /// The near side: 0 for the lower one, 1 for the upper.
     pub near: u32,
 }
 
 /// A part of a ray, in steps. Neither is NaN.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Span {
-    /// Where it begins.
+    /// Its begin.
     pub enter: f32,
-    /// Where it ends, not before it begins.
+    /// Its end, not before its begin.
     pub exit: f32,
-}
-
-/// What the bound depends on besides the ray, the same for all rays through a tree.
-#[derive(Clone, Copy, Debug)]
-pub struct Frame {
-    /// The lowest and the highest corner of the box. (The fourth number is 0, so that four can be loaded at a time.)
-    pub(crate) corners: [[f32; 4]; 2],
-    /// The part of the bound that no ray changes.
-    pub(crate) distance: f32,
-}
-
-impl Frame {
-    /// Of what lies within a box, which is not empty.
-    #[inline(always)]
-    pub fn new(bounds: &Aabb) -> Self {
-        let side = bounds.extent().max_element();
-        let coordinate = bounds.min.abs().max(bounds.max.abs()).max_element();
-        Self {
-            corners: [bounds.min, bounds.max].map(|corner| corner.extend(0.0).to_array()),
-            distance: PER_SIDE * side + PER_REACH * coordinate + f32::MIN_POSITIVE,
-        }
-    }
 }
 
 /// The power of two that is at most the largest component of a direction, and half of it or more: how many steps `t = 1`
 /// is.
 pub(crate) fn unit_of(direction: Vec3) -> f64 {
-    // (f32 are normal numbers in f64, so that the exponent is there to be cut out.)
+    // Every f32 is a normal number in f64, so the exponent bits are valid.
     const EXPONENT: u64 = 0x7ff << 52;
     let largest = f64::from(direction.abs().max_element());
     f64::from_bits(largest.to_bits() & EXPONENT)
@@ -206,7 +182,7 @@ impl RayPlanes {
         t * self.steps
     }
 
-    /// Where the ray crosses a plane across an axis: 0, 1 or 2, which is a node's tag.
+    /// Where the ray crosses a plane perpendicular to an axis: 0, 1 or 2, which is a node's tag.
     #[inline]
     pub fn crossing(&self, axis: usize, split: f32) -> Crossing {
         let axis = &self.axes[axis];
@@ -227,16 +203,16 @@ impl RayPlanes {
         }
     }
 
-    /// The part of the ray's range in which it may hit something in the box; `None` if there is none.
+    /// The part of the ray's range in which it may hit a triangle in the box; `None` if it misses the box.
     #[inline]
     pub fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<Span> {
         self.clip_span(self.range(ray), bounds)
     }
 
-    /// The part of a span in which the ray may hit something in the box; `None` if there is none.
+    /// The part of a span in which the ray may hit a triangle in the box; `None` if it misses the box.
     ///
-    /// The box is not empty and lies within that of the [`Frame`]. Two subtractions, multiplications and comparisons an axis:
-    /// made to be asked at every node.
+    /// The box is not empty, and within that of the [`Frame`]. Two subtractions, multiplications and comparisons an axis, for use
+    /// at every node.
     #[inline]
     pub fn clip_span(&self, mut span: Span, bounds: &Aabb) -> Option<Span> {
         for (axis, planes) in self.axes.iter().take(3).enumerate() {

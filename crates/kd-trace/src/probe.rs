@@ -1,14 +1,14 @@
-//! Counting the steps of a traversal.
+//! Observes the steps of a traversal.
 
-/// Receives every step of a traversal. `()` ignores them, and costs nothing.
+/// Receives every step of a traversal. `()` ignores them, at no cost.
 pub trait Probe {
-    /// An interior node is visited.
+    /// An interior node was visited.
     fn node(&mut self) {}
-    /// A leaf is visited, and `triangles` triangles are tested.
+    /// A leaf was visited, with this number of triangles.
     fn leaf(&mut self, _triangles: u32) {}
-    /// A block of triangles is tested at once.
+    /// A block of triangles is tested.
     fn block(&mut self) {}
-    /// A triangle is not rejected early.
+    /// A triangle was not rejected in f32, and is decided in f64.
     fn decision(&mut self) {}
     /// A ray is compared with a box. (Nodes of kd-trees have none.)
     fn ray_box(&mut self) {}

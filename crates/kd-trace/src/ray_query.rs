@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use kd_core::{Hit, Ray, RayPacket8};
 
-use crate::{PackedTree, WideTree};
+use crate::PackedTree;
 
 /// The questions that rays ask of anything that holds triangles.
 ///
@@ -93,39 +93,5 @@ impl RayQuery for PackedTree {
 
     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         self.hits(ray, max, out);
-    }
-}
-
-impl RayQuery for WideTree {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.intersect(ray)
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        self.occluded(ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.hits(ray, max, out);
-    }
-
-    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.intersect_batch(rays, hits);
-    }
-
-    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.occluded_batch(rays, occluded);
-    }
-
-    fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
-        self.intersect8(packet)
-    }
-
-    fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
-        self.occluded8(packet)
     }
 }

@@ -1,32 +1,30 @@
-//! Whether a ray meets a triangle: f32 rejects, f64 decides.
+//! The triangle test: f32 rejects, f64 decides ([`decision`](crate::decision)).
 //!
 //! After Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, JCGT 2(1), 2013: corners are moved to the
 //! ray's origin and sheared so that the ray runs along an axis; it then meets the triangle if the origin of the plane
-//! across lies on the same side of all three edges. Where we differ:
+//! across is on the same side of all three edges. Differences:
 //!
-//! - Sheared corners are computed in f64 and rounded to 26 bits. A corner gets one value per ray, whichever triangle
-//!   asks, and the products in an edge function of such values are exact in f64 (26 + 26 ≤ 53), so their difference
-//!   has the right sign, and `edge(a, b) == -edge(b, a)`. So two triangles never disagree about the edge they share,
-//!   and zero needs no second look in higher precision.
-//! - Both windings count, so the shear need not keep the winding either.
+//! - Sheared corners are computed in f64 and rounded to 26 bits. A corner has one value per ray, for all triangles around it,
+//!   and the products in an edge function of such values are exact in f64 (26 + 26 ≤ 53). So their difference
+//!   has the right sign, and `edge(a, b) == -edge(b, a)`: two triangles always agree about the edge that they share,
+//!   and a zero needs no second computation in higher precision.
+//! - Both windings count, so the shear need not keep the winding.
 //! - Most triangles are rejected before, by the same computation in f32 and a bound of its error.
 //!
 //! Deciding in f32 as well was tried (2026-11-25, fourteen meshes): camera rays were 1.15 times as fast, random rays 1.1
-//! times. But hits are then off by some units in the last place of the *distance to the far end of the box*, boxes must be
+//! times. But hits then err by some units in the last place of the *distance to the far end of the box*, boxes must be
 //! widened by as much, and rays that leave a surface enter its box again: shadow rays were 0.7 times as fast, 0.25 times over
 //! large ground planes.
-//!
-//! Nothing here may be contracted to a fused multiply-add: it would break the antisymmetry of edge functions. (Rust
-//! never does so by itself.)
 
 use std::ops::ControlFlow;
 
 use glam::Vec3;
 use kd_core::{Axis, Hit, Mesh, Ray};
+use kd_simd::{LANES, Three, Triple as _, max, min};
+use kd_wide::LaneCorners;
 
 use crate::collect::Collect;
-use crate::float::{max, min};
-use crate::lanes::LANES;
+use crate::decision::View;
 
 /// Half a unit in the last place of 1, the relative error of rounding to f32.
 const U: f32 = f32::EPSILON / 2.0;
@@ -36,49 +34,41 @@ pub(crate) const SLOPE: f32 = 80.0 * U;
 pub(crate) const BLUR: f32 = 8.0 * U;
 /// Sheared coordinates are below 2.01 R, so up to here no product in f32 overflows.
 pub(crate) const MOST_REACH: f32 = (1_u64 << 62) as f32;
-/// See [`finer_weights`].
-pub(crate) const LEAST_SHARE: f64 = 1.0 / (1 << 24) as f64;
 
-/// A ray, ready to be asked about triangles: the one function that decides what is a hit.
+/// A ray, prepared for triangles: the early rejection, and the one function that decides what is a hit.
 ///
-/// Whatever asks it about the same triangles gets the same hits, to the bit. The crate's page tells what they are.
+/// All structures that use it get the same hits, to the bit. The page of the crate defines them.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleTest {
     origin: [f32; 3],
     /// The axis along which the ray moves most.
     along: Axis,
-    /// The others.
+    /// The other axes.
     across_x: Axis,
     across_y: Axis,
-    /// Steps across per step along, and `t` per step along.
-    shear_x: f64,
-    shear_y: f64,
-    scale: f64,
+    view: View<f64>,
     t_min: f32,
     t_max: f32,
     filter: Filter,
 }
 
-/// What the f32 rejection needs. See [`TriangleTest::certainly_misses`].
+/// The f32 rejection. See [`TriangleTest::certainly_misses`].
 #[derive(Clone, Copy, Debug)]
 struct Filter {
     shear_x: f32,
     shear_y: f32,
-    /// 80 u R, infinite where f32 could overflow.
+    /// 80 u R; infinite where f32 could overflow.
     slope: f32,
     /// 8 u R.
     blur: f32,
 }
 
-/// Coordinates of so many triangles side by side: by corner, then by axis, so that the axes of a ray are offsets.
-pub(crate) type LaneCorners = [[[f32; LANES]; 3]; 3];
-
-/// Some of the lanes of a block, in order. A byte for each lane, 0 or 1.
+/// A set of lanes of a block, iterated in order. A byte for each lane, 0 or 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lanes(u64);
 
 impl Lanes {
-    /// Those among the first `count` lanes, which is at least 1 and may be more than there are.
+    /// The lanes of the set among the first `count`, which is at least 1 and may exceed 8.
     #[inline(always)]
     fn first(self, count: usize) -> Self {
         let absent = LANES - count.min(LANES);
@@ -100,7 +90,7 @@ impl Iterator for Lanes {
     }
 }
 
-/// The axis along which a direction goes most; the first among equals.
+/// The axis of the largest component of a direction; the first among equals.
 #[inline(always)]
 pub(crate) fn steepest_axis(direction: Vec3) -> Axis {
     let size = direction.abs();
@@ -113,30 +103,10 @@ pub(crate) fn steepest_axis(direction: Vec3) -> Axis {
     }
 }
 
-/// A corner as the ray sees it: across, and along in units of `t`.
-#[derive(Clone, Copy, Debug)]
-struct Sheared {
-    x: f64,
-    y: f64,
-    t: f64,
-}
-
-impl Sheared {
-    /// The same with the coordinates across rounded to 26 bits.
-    #[inline(always)]
-    fn rounded(self) -> Self {
-        Self {
-            x: to_26_bits(self.x),
-            y: to_26_bits(self.y),
-            ..self
-        }
-    }
-}
-
 impl TriangleTest {
-    /// `reach` is at least the largest component of `corner - origin` over all corners that
-    /// [`certainly_misses`](Self::certainly_misses) will be asked about, up to a few roundings; with an infinite one nothing
-    /// certainly misses. The ray must be one that [can hit](Ray::can_hit).
+    /// `reach` is at least the largest component of `corner - origin` over all corners that are passed to
+    /// [`certainly_misses`](Self::certainly_misses), up to a few roundings. With an infinite one nothing certainly misses. The ray
+    /// must be one that [can hit](Ray::can_hit).
     #[allow(
         clippy::cast_possible_truncation,
         reason = "the filter allows for the rounding of its shear"
@@ -162,9 +132,10 @@ impl TriangleTest {
             along,
             across_x,
             across_y,
-            shear_x,
-            shear_y,
-            scale,
+            view: View {
+                shear: [shear_x, shear_y],
+                scale,
+            },
             t_min: ray.t_min,
             t_max: ray.t_max,
             filter: Filter {
@@ -176,9 +147,9 @@ impl TriangleTest {
         }
     }
 
-    /// Whether [`decide`](Self::decide) would surely find no hit, from a cheaper look.
+    /// Whether [`decide`](Self::decide) surely finds no hit, by a cheaper computation.
     ///
-    /// Why it is sure. Let u = 2⁻²⁴, R the reach, M the largest sheared coordinate as computed here. Moving a corner
+    /// Proof. Let u = 2⁻²⁴, R the reach, M the largest sheared coordinate as computed here. Moving a corner
     /// to the origin errs by uR; the shear (at most 1) by u, its product with a coordinate by uR (the coordinate's
     /// error) + uR (the shear's) + uR (rounding); the final difference is at most 2R and errs by 2uR: 6uR in all. The
     /// coordinates that `decide` uses are rounded too, by less than 2uR. So the two differ by at most e = 8uR and a
@@ -199,10 +170,10 @@ impl TriangleTest {
         }))
     }
 
-    /// The lanes of a block that hold a triangle, of which there are `triangles` or more than a block holds, and that
-    /// [`certainly_misses`](Self::certainly_misses) would not reject.
+    /// The lanes of a block that [`certainly_misses`](Self::certainly_misses) does not reject, among the first `triangles`, which may
+    /// exceed 8.
     ///
-    /// Eight equal computations side by side, which the compiler turns into vector instructions.
+    /// Eight equal computations, which the compiler turns into vector instructions.
     #[inline(always)]
     pub(crate) fn may_hit(&self, corners: &LaneCorners, triangles: usize) -> Lanes {
         let axes = self.axes();
@@ -230,35 +201,25 @@ impl TriangleTest {
         [self.across_x, self.across_y, self.along]
     }
 
-    /// The hit, if there is one within the ray's range. A pure function of the ray and the corners; `triangle` is what the hit
-    /// will be called.
+    /// The hit within the ray's range, or `None`. A pure function of the ray and the corners; `triangle` is the slot that is
+    /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
-        let exact = corners.map(|corner| self.shear(corner));
-        let rounded = exact.map(Sheared::rounded);
-        let weights = Weights::of(rounded);
-        if !weights.are_inside() {
-            return None;
-        }
-        let weights = finer_weights(exact).unwrap_or(weights);
-        let [a, b, c] = exact;
-        let t = (weights.a * a.t + weights.b * b.t + weights.c * c.t) / weights.sum();
-        // Adding zero turns -0.0 into 0.0.
-        #[allow(clippy::cast_possible_truncation, reason = "a hit has f32 values")]
-        let hit = Hit {
-            t: t as f32 + 0.0,
-            u: (weights.b / weights.sum()) as f32 + 0.0,
-            v: (weights.c / weights.sum()) as f32 + 0.0,
-            triangle,
-        };
-        (hit.t.is_finite() && self.t_min <= hit.t && hit.t <= self.t_max).then_some(hit)
+        let [a, b, c] = corners.map(|corner| corner.to_array());
+        let from_origin = self.axes().map(|axis| {
+            let axis = axis.index();
+            let corners = Three([a[axis].into(), b[axis].into(), c[axis].into()]);
+            corners.minus(f64::from(self.origin[axis]))
+        });
+        self.view
+            .hit(from_origin, [self.t_min, self.t_max], triangle)
     }
 
-    /// Gives the collector the hit of a triangle of a mesh, if there is one; breaks if it does.
+    /// Tests a triangle of a mesh, and passes a hit to the collector. Breaks if the collector does.
     ///
     /// # Panics
     ///
-    /// If the mesh has no such triangle.
+    /// If the mesh lacks the triangle.
     #[inline]
     pub fn ask<C: Collect>(
         &self,
@@ -273,25 +234,12 @@ impl TriangleTest {
         self.decide(corners, triangle)
             .map_or(ControlFlow::Continue(()), |hit| collector.take(hit))
     }
-
-    #[inline(always)]
-    fn shear(&self, corner: Vec3) -> Sheared {
-        let corner = corner.to_array();
-        let from_origin =
-            |axis: Axis| f64::from(corner[axis.index()]) - f64::from(self.origin[axis.index()]);
-        let z = from_origin(self.along);
-        Sheared {
-            x: from_origin(self.across_x) - self.shear_x * z,
-            y: from_origin(self.across_y) - self.shear_y * z,
-            t: self.scale * z,
-        }
-    }
 }
 
 impl Filter {
-    /// Whether a triangle is surely missed; its corners are given from the ray's origin, across, across and along.
+    /// Whether the ray surely misses a triangle, given by its corners from the ray's origin: across, across and along.
     ///
-    /// Without branches, so that lanes can run side by side.
+    /// Without branches, so that the compiler can vectorise it.
     #[inline(always)]
     fn rejects(&self, corners: [[f32; 3]; 3]) -> bool {
         let [a, b, c] = corners.map(|[x, y, z]| [x - self.shear_x * z, y - self.shear_y * z]);
@@ -304,128 +252,12 @@ impl Filter {
     }
 }
 
-/// How the bits of a number are rounded.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Rounding {
-    /// What is added to them.
-    pub(crate) half: u64,
-    /// Those that are kept.
-    pub(crate) kept: u64,
-}
-
-/// To 26 significant bits.
-pub(crate) const TO_26_BITS: Rounding = {
-    const DROPPED: u32 = f64::MANTISSA_DIGITS - 26;
-    Rounding {
-        half: 1 << (DROPPED - 1),
-        kept: u64::MAX << DROPPED,
-    }
-};
-
-/// The nearest number with 26 significant bits, halves away from zero: an error of at most 2⁻²⁶.
-#[inline(always)]
-fn to_26_bits(x: f64) -> f64 {
-    // A carry out of the mantissa goes to the exponent, where it belongs.
-    f64::from_bits((x.to_bits() + TO_26_BITS.half) & TO_26_BITS.kept)
-}
-
-/// How much each corner counts at the point where the ray passes, up to a common factor of either sign: twice the
-/// areas of the triangles that the point makes with the opposite edges.
-#[derive(Clone, Copy, Debug)]
-struct Weights {
-    a: f64,
-    b: f64,
-    c: f64,
-}
-
-impl Weights {
-    #[inline(always)]
-    fn of([a, b, c]: [Sheared; 3]) -> Self {
-        let edge = |p: Sheared, q: Sheared| p.x * q.y - p.y * q.x;
-        Self {
-            a: edge(c, b),
-            b: edge(a, c),
-            c: edge(b, a),
-        }
-    }
-
-    fn sum(&self) -> f64 {
-        self.a + self.b + self.c
-    }
-
-    /// Inside or on an edge, for either winding. All zero is a triangle seen edge-on, or of no area.
-    fn are_inside(&self) -> bool {
-        let Self { a, b, c } = *self;
-        ((a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0))
-            && self.sum() != 0.0
-    }
-}
-
-/// Weights from coordinates that were not rounded, which do not move the hit by 2⁻²⁶ of the triangle's size: on a
-/// floor a million times larger than what stands on it that is visible. `None` where they cannot be used.
-///
-/// The rounded coordinates decide what is a hit, so the finer ones may call it outside. Rounding makes each of these
-/// weights err by up to 2⁻⁵² M², M being the largest coordinate; where they do not add up to far more than that, the
-/// point they stand for could lie anywhere in the triangle, while exact weights of rounded coordinates keep it within
-/// 2⁻²⁶ M of the ray. With the limit below it is within 3 · 2⁻⁵² M² / (2⁻²⁴ M²) · M < 2⁻²⁶ M.
-#[inline(always)]
-fn finer_weights(exact: [Sheared; 3]) -> Option<Weights> {
-    let largest = exact
-        .iter()
-        .fold(0.0, |m: f64, p| m.max(p.x.abs()).max(p.y.abs()));
-    let weights = Weights::of(exact);
-    let is_sound = weights.sum().abs() >= LEAST_SHARE * largest * largest;
-    (weights.are_inside() && is_sound).then_some(weights)
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
 
     use super::*;
-
-    #[test]
-    fn rounding_keeps_26_bits() {
-        let ulp = 2.0_f64.powi(-25);
-        for (x, rounded) in [
-            (0.0, 0.0),
-            (-0.0, 0.0),
-            (1.0, 1.0),
-            (1.0 + ulp, 1.0 + ulp),
-            (1.0 + 0.49 * ulp, 1.0),
-            (-1.0 - 0.5 * ulp, -1.0 - ulp),
-            (2.0 - 0.1 * ulp, 2.0),
-            (f64::INFINITY, f64::INFINITY),
-        ] {
-            assert_eq!(to_26_bits(x), rounded, "{x:e}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn products_of_rounded_numbers_are_exact(x in -1e9_f64..1e9, y in -1e-9_f64..1e-9) {
-            let (a, b) = (to_26_bits(x), to_26_bits(y));
-            prop_assert!((a - x).abs() <= x.abs() * 2.0_f64.powi(-26));
-            // The remainder of the product, exactly.
-            prop_assert_eq!(a.mul_add(b, -(a * b)), 0.0);
-        }
-    }
-
-    #[test]
-    fn weights_that_are_mostly_rounding_are_not_used() {
-        let at = |x, y| Sheared { x, y, t: 1.0 };
-        let wide = [at(-1.0, -1.0), at(1.0, -1.0), at(0.0, 1.0)];
-        assert!(finer_weights(wide).is_some(), "as wide as long");
-        for height in [1e-9, 1e-15, 1e-17, 0.0] {
-            let sliver = [at(-1.0, -1.0 - height), at(1.0, 1.0), at(0.0, height)];
-            assert!(
-                Weights::of(sliver).sum() <= 0.0,
-                "{height:e}: the ray passes inside or on it"
-            );
-            assert!(finer_weights(sliver).is_none(), "{height:e}: too thin");
-        }
-    }
 
     /// A point in [-1, 1]³, on a lattice or not.
     fn point() -> impl Strategy<Value = Vec3> {
@@ -434,7 +266,7 @@ mod tests {
         [one(), one(), one()].prop_map(Vec3::from_array)
     }
 
-    /// A triangle with a point on it, or very near: of any size and shape, thin ones included.
+    /// A triangle of any size and shape, thin ones included, with a point on it or very near.
     fn triangle_and_target() -> impl Strategy<Value = ([Vec3; 3], Vec3)> {
         let size = prop_oneof![Just(1.0_f32), Just(1e-2), Just(1e-4), Just(1e-6)];
         let weight = || prop_oneof![2 => 0.0_f32..1.0, 1 => Just(0.0), 1 => -1e-6_f32..1e-6];
@@ -473,7 +305,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40_000))]
 
-        /// The filter never rejects what is a hit, whatever the scale. The reach is the least there can be.
+        /// The filter rejects no hit, at any scale. The reach is the least possible one.
         #[test]
         fn the_filter_is_conservative(
             (corners, target) in triangle_and_target(),
@@ -494,7 +326,7 @@ mod tests {
             }
         }
 
-        /// Eight lanes say what one says, wherever a triangle lies among others and among padding.
+        /// Eight lanes reject the same triangles as one, among other triangles and padding.
         #[test]
         fn lanes_reject_what_one_rejects(
             triangles in prop::collection::vec(triangle_and_target(), 1..=LANES),
@@ -527,7 +359,7 @@ mod tests {
             prop_assert!(test.decide([Vec3::NAN; 3], 0).is_none(), "padding");
         }
 
-        /// A corner has one value and an edge one sign, so winding and order cannot matter.
+        /// A corner has one value and an edge one sign, so winding and order do not matter.
         #[test]
         fn the_order_of_corners_does_not_decide(
             ([a, b, c], target) in triangle_and_target(),

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_sah::{BuildOptions, build};
-use kd_trace::{Join, Level, PackedTree, WideForest, WideTree, brute_force};
+use kd_trace::{Join, Level, PackedTree, RayQuery, WideForest, WideTree, brute_force};
 
 /// Three sheets of small triangles, one behind the other.
 fn sheets() -> Mesh {

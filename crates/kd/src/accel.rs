@@ -226,7 +226,7 @@ impl Built {
             Structure::Grid => {
                 return Ok(Self::Grid(UniformGrid::build(mesh, &GridOptions::new())?));
             }
-            Structure::Objects => return Ok(Self::Objects(wide_nodes_of(&mesh))),
+            Structure::Objects => return Ok(Self::Objects(WideTree::from_objects_parallel(&mesh))),
             Structure::Lazy => {
                 let tree = LazyTree::new(mesh, &BuildOptions::balanced())?;
                 return Ok(Self::Lazy(tree));
@@ -237,13 +237,6 @@ impl Built {
         };
         Ok(Self::Tree(KdTree::build(mesh, &options)?))
     }
-}
-
-fn wide_nodes_of(mesh: &Mesh) -> WideTree {
-    #[cfg(feature = "parallel")]
-    return WideTree::from_objects_parallel(mesh);
-    #[cfg(not(feature = "parallel"))]
-    WideTree::from_objects(mesh)
 }
 
 impl fmt::Display for Accel {

@@ -1,6 +1,7 @@
 //! Queries that count what a ray visits: feature `counters`.
 
 use kd_core::{Hit, Ray};
+use kd_trace::CountedQuery as _;
 
 use crate::KdTree;
 use crate::layout::{TraversalCounts, TreeLayout};

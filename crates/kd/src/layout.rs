@@ -77,7 +77,6 @@ impl LayoutPolicy {
         if self.compares_objects {
             return WideTree::best(tree, mesh, self.is_parallel);
         }
-        #[cfg(feature = "parallel")]
         if self.is_parallel {
             return WideTree::new_parallel(tree, mesh);
         }
@@ -86,7 +85,6 @@ impl LayoutPolicy {
 
     /// Wide nodes for a mesh that has no kd-tree.
     pub(crate) fn wide_tree_of_objects(self, mesh: &Mesh) -> WideTree {
-        #[cfg(feature = "parallel")]
         if self.is_parallel {
             return WideTree::from_objects_parallel(mesh);
         }
@@ -94,7 +92,6 @@ impl LayoutPolicy {
     }
 
     fn packed_tree(self, tree: &Tree, mesh: &Mesh) -> PackedTree {
-        #[cfg(feature = "parallel")]
         if self.is_parallel {
             return PackedTree::new_parallel(tree, mesh);
         }

@@ -7,9 +7,11 @@ use serde_json::Value;
 const EDGES: &[(&str, &[&str])] = &[
     ("kd-core", &[]),
     ("kd-tasks", &[]),
-    ("kd-sah", &["kd-core", "kd-tasks"]),
+    ("kd-simd", &[]),
+    ("kd-sah", &["kd-core", "kd-simd", "kd-tasks"]),
     ("kd-merge", &["kd-core", "kd-sah", "kd-tasks"]),
-    ("kd-trace", &["kd-core"]),
+    ("kd-wide", &["kd-core", "kd-simd", "kd-tasks"]),
+    ("kd-trace", &["kd-core", "kd-simd", "kd-tasks", "kd-wide"]),
     ("kd-grid", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-tasks", "kd-trace"]),

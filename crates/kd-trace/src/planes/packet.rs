@@ -1,38 +1,38 @@
-//! Rays that go the same way on every axis, asked about a box together.
+//! Coherent rays, with the same sign of direction on every axis, tested against a box together.
 //!
 //! Interval arithmetic over the rays of a packet (S. Boulos, I. Wald, P. Shirley, *Geometric and Arithmetic Culling Methods
 //! for Entire Ray Packets*, 2006): the crossing of a plane is a product of two factors, each of which lies in an interval, so
 //! that it lies between products of their ends.
 //!
-//! The bound of a ray is about as wide on each side of every plane across an axis, if it is measured along the axis, and much
-//! the same for all rays, so that faces can be moved by the largest. It is `2⁻²⁰ Q` and more, Q being the largest distance to a
-//! face of the whole box; half as much again makes up for rounding here and in [`RayPlanes`], which is below `2⁻²¹ Q`: six
-//! operations with a relative error of 2⁻²⁴ each.
+//! Measured along an axis, the error bound of a ray is equally wide on both sides of every plane perpendicular to that axis, and
+//! similar for all rays, so faces are moved by the largest bound. It is at least `2⁻²⁰ Q`, Q being the largest distance to a
+//! face of the whole box. Half as much again covers rounding here and in [`RayPlanes`], which is below `2⁻²¹ Q`: six operations
+//! with a relative error of 2⁻²⁴ each.
 
 use kd_core::Aabb;
+use kd_simd::{max, min};
 
 use super::{RayPlanes, Span};
-use crate::float::{max, min};
 
-/// Several rays, ready to be asked whether all of them miss a box. They go the same way on every axis.
+/// Several rays with the same signs of direction, prepared for the question whether all of them miss a box.
 #[derive(Clone, Copy, Debug)]
 pub struct PacketPlanes {
     axes: [PacketAxis; 3],
 }
 
-/// The rays and the planes across one axis. Of pairs, the lowest comes first.
+/// The rays and the planes perpendicular to one axis. Of pairs, the lowest comes first.
 #[derive(Clone, Copy, Debug)]
 struct PacketAxis {
     origin: [f32; 2],
     /// All of one sign.
     inverse: [f32; 2],
-    /// How far faces are moved outwards.
+    /// The distance by which faces are moved outwards.
     margin: f32,
     is_downwards: bool,
 }
 
 impl PacketPlanes {
-    /// Of some rays; `None` if there are none, or if two of them differ in whether they go [downwards] on an axis.
+    /// Prepares rays; `None` without rays, or if two rays differ in whether they go [downwards] on an axis.
     ///
     /// [downwards]: RayPlanes::is_downwards
     pub fn new<'a>(rays: impl IntoIterator<Item = &'a RayPlanes>) -> Option<Self> {
@@ -62,8 +62,8 @@ impl PacketPlanes {
         Self { axes }
     }
 
-    /// Whether [`RayPlanes::clip_span`] gives `None` for each of the rays and any part of the span. If not, all of them may
-    /// miss the box still. The box is one for which that can be asked.
+    /// Whether [`RayPlanes::clip_span`] surely returns `None` for each ray and any part of the span. If false, all rays may still
+    /// miss the box. The box is one that `clip_span` accepts.
     #[inline]
     pub fn all_miss(&self, mut span: Span, bounds: &Aabb) -> bool {
         for (index, axis) in self.axes.iter().enumerate() {
@@ -113,7 +113,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4000))]
 
-        /// What the packet calls a miss is one for each of its rays.
+        /// A miss of the packet is a miss of each of its rays.
         #[test]
         fn a_packet_misses_only_what_its_rays_miss(
             corners in [point(), point(), point()],
@@ -162,7 +162,7 @@ mod tests {
             let frame = Frame::new(&Aabb::around([Vec3::ZERO, Vec3::ONE]));
             let other = Ray::new(ray.origin, ray.direction * (1.0 - spread));
             let rays = [ray, other].map(|ray| RayPlanes::new(&ray, &frame));
-            let packet = PacketPlanes::new(&rays).expect("the same way");
+            let packet = PacketPlanes::new(&rays).expect("coherent");
             let span = Span { enter: f32::NEG_INFINITY, exit: f32::INFINITY };
             if packet.all_miss(span, &part) {
                 for planes in &rays {
@@ -172,7 +172,7 @@ mod tests {
         }
     }
 
-    /// Rays that spread a little, one of which goes along an axis, and boxes on either side of what they may meet.
+    /// Rays that spread a little, one of them along an axis, and boxes that they meet or barely miss.
     #[test]
     fn a_packet_that_is_beside_a_box_misses_it() {
         let frame = Frame::new(&Aabb::around([Vec3::ZERO, Vec3::splat(100.0)]));

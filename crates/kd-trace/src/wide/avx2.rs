@@ -1,10 +1,10 @@
-//! Nodes and blocks with AVX2: eight boxes and eight triangles at a time.
+//! A ray for wide nodes and blocks with AVX2: eight boxes and eight triangles at a time.
 //!
-//! Everything unsafe here is so for one of two reasons: an instruction of AVX2 or FMA, which an [`Avx2Ray`] proves to be
-//! there, or a read of eight floats at an offset that is a multiple of rows of a node or a block.
+//! `unsafe` code is here for two reasons: an instruction of AVX2 or FMA, which the [`Avx2`] in each [`Avx2Ray`] proves to exist,
+//! or a read of eight floats at the offset of a row of a node or a block.
 #![allow(
     unsafe_code,
-    reason = "intrinsics; the portable twin is in `portable`, and tests hold both against brute force"
+    reason = "intrinsics; the portable twin is in `portable`, and tests compare both with brute force"
 )]
 #![allow(
     clippy::multiple_unsafe_ops_per_block,
@@ -17,11 +17,11 @@ use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
 use kd_core::Ray;
+use kd_simd::Avx2;
+use kd_wide::{Block, Child, WIDTH, WideNode};
 
-use super::node::{Child, WIDTH, WideNode};
 use super::stack::Pending;
 use super::walk::WideRay;
-use crate::block::Block;
 use crate::collect::Collect;
 use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE, unit_of};
 use crate::probe::Probe;
@@ -32,18 +32,20 @@ const ROW: usize = 4 * WIDTH;
 
 /// A ray on a processor with AVX2 and FMA.
 pub(crate) struct Avx2Ray {
+    /// The proof that the processor has AVX2.
+    simd: Avx2,
     /// Steps per unit of each axis.
     inverse: [f32; 4],
-    /// What to add for a face that is entered through: minus the origin's steps, less the bound.
+    /// Added for a near face: minus the origin's steps, minus the bound.
     enter: [f32; 4],
-    /// What to add for a face that is left through: minus the origin's steps, and the bound.
+    /// Added for a far face: minus the origin's steps, plus the bound.
     exit: [f32; 4],
-    /// Byte offsets in a node: of the faces that are entered through, and of the order for this octant.
+    /// Byte offsets in a node: of the near faces, and of the order for this octant.
     near: [usize; 3],
     order: usize,
     /// Its ends, in steps.
     span: [f32; 2],
-    /// How many steps `t = 1` is.
+    /// Steps per unit of `t`.
     steps: f32,
     test: Avx2Test,
 }
@@ -57,15 +59,10 @@ fn power_of_two(x: f64) -> f32 {
 impl Avx2Ray {
     /// `None` if the ray cannot hit anything.
     ///
-    /// Inlined, so that its many fields are written where they stay. (Returned by a function that is called, they are
-    /// copied: 30 ns a ray.)
-    ///
-    /// # Safety
-    ///
-    /// The processor has AVX2 and FMA.
+    /// Inlined, so that its many fields are written at their final place. (A call that returns them copies them: 30 ns a ray.)
     #[inline(always)]
-    pub(crate) unsafe fn new(ray: &Ray, frame: &Frame) -> Option<Self> {
-        // SAFETY: the caller's, and loads of four floats from arrays of four.
+    pub(crate) fn new(simd: Avx2, ray: &Ray, frame: &Frame) -> Option<Self> {
+        // SAFETY: there is an `Avx2`, so there are AVX2 and FMA; and loads of four floats from arrays of four.
         unsafe {
             let zero = _mm_setzero_ps();
             let sign = _mm_set1_ps(-0.0);
@@ -83,7 +80,7 @@ impl Avx2Ray {
             if !(is_finite & (ray.t_min <= ray.t_max) & (ray.mask != 0)) {
                 return None;
             }
-            /// Directions of other sizes are brought to steps, so that nothing below overflows or loses bits.
+            /// Directions beyond this are scaled to steps, so that nothing below overflows or loses bits.
             const USUAL: f32 = (1_u64 << 62) as f32;
             let mut direction = exact;
             let mut sizes = away(direction);
@@ -137,6 +134,7 @@ impl Avx2Ray {
             };
             let near = [0, 1, 2].map(|axis| (2 * axis + (octant >> axis & 1)) * ROW);
             Some(Self {
+                simd,
                 inverse: in_memory(inverse),
                 enter: in_memory(enter),
                 exit: in_memory(exit),
@@ -173,8 +171,8 @@ impl WideRay for Avx2Ray {
         unsafe { enter_or_pop(self, node, limit, pending) }
     }
 
-    /// Not inlined: what it needs would be kept in the memory of the loop around it, and prepared for rays that meet no
-    /// leaf.
+    /// Not inlined: the loop around it would keep the constants of triangles on its stack, and prepare them for rays that meet
+    /// no leaf.
     #[inline(never)]
     fn visit<C: Collect, P: Probe>(
         &self,
@@ -184,7 +182,7 @@ impl WideRay for Avx2Ray {
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is such a ray, so there is AVX2.
-        unsafe { triangles::visit(&self.test, blocks, limit, collector, probe) }
+        unsafe { triangles::visit(self.simd, &self.test, blocks, limit, collector, probe) }
     }
 }
 
@@ -217,12 +215,12 @@ fn enter(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) 
         return None;
     }
     if met & (met - 1) == 0 {
-        // No order, no stack: in this, the most frequent case, the next node is known sooner.
+        // The most frequent case: without order and stack, the next node is known sooner.
         return Some(node.children[met.trailing_zeros() as usize % WIDTH]);
     }
     let order = order(ray, node);
     let met = push(node, order, &boxes, pending);
-    // SAFETY: they have been written. The nearest one is left out.
+    // SAFETY: they have been written. The nearest one is not pushed.
     unsafe { pending.grow(met.count_ones() as usize - 1) };
     let nearest = met.ilog2();
     Some(node.children[(order >> (3 * nearest)) as usize % WIDTH])
@@ -239,7 +237,7 @@ fn enter_or_pop(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pendin
     pending.pop_last()
 }
 
-/// Where a ray enters eight boxes, and which it meets.
+/// Where a ray enters eight boxes, and which boxes it meets.
 #[derive(Clone, Copy)]
 struct Met {
     enters: __m256,
@@ -257,12 +255,12 @@ fn meet(ray: &Avx2Ray, node: &WideNode, limit: f32) -> Met {
         let add = _mm256_set1_ps(ray.enter[axis]);
         _mm256_fmadd_ps(row(ray.near[axis]), inverse(axis), add)
     };
-    // The other row of a pair.
+    // The far face is the other row of the pair.
     let left = |axis: usize| {
         let add = _mm256_set1_ps(ray.exit[axis]);
         _mm256_fmadd_ps(row(ray.near[axis] ^ ROW), inverse(axis), add)
     };
-    // Of a NaN and a number both instructions give the second, and these are numbers: what overflows is visited.
+    // Of a NaN and a number both instructions return the second operand, here a number: a box that overflows is visited.
     let enters = _mm256_max_ps(
         _mm256_max_ps(entered(0), entered(1)),
         _mm256_max_ps(entered(2), _mm256_set1_ps(ray.span[0])),
@@ -285,8 +283,8 @@ fn order(ray: &Avx2Ray, node: &WideNode) -> u32 {
     unsafe { base.add(ray.order).cast::<u32>().read() }
 }
 
-/// Writes the children that are met to the room of what is pending, in order. A bit for each place in the order where one
-/// is met.
+/// Writes the children that the ray meets to the room of the stack, in order. Returns a bit for each place in the order whose
+/// child is met.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn push(node: &WideNode, order: u32, boxes: &Met, pending: &mut Pending<'_>) -> u32 {

@@ -1,63 +1,36 @@
-//! Many rays: neighbours that are alike as tiles, then those of the others that are alike, and the rest in turn.
+//! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest in a queue.
 
 use kd_core::{Hit, Ray};
+use kd_wide::WideTree;
 
-use super::WideTree;
 use super::queue;
 use super::scattered::{Scattered, Steps};
 use super::tile::{RAYS, Tiles};
-use super::walk::{WideRay, walk};
+use super::walk::walk;
 use crate::collect::{Any, Closest, Collect};
-use crate::lanes::Simd;
+use crate::dispatch::TraceSimd;
 
-/// Fewer rays take longer as a tile than one by one.
+/// The fewest rays of a tile. Fewer take longer than one by one.
 pub(super) const FEWEST: usize = 16;
 
-/// Fewer rays take as long in turn as one by one, or longer: at the end there are few on their way.
+/// The fewest rays of a queue. Fewer take as long as one by one or longer: near the end few rays are active.
 const FEWEST_IN_TURN: usize = 64;
 
-/// So many rays are looked at together.
+/// Rays that are sorted together.
 const WINDOW: usize = 4096;
 
-/// Neighbours whose slopes are further from their central one are sorted first. (A fortieth of it was as fast, and more.)
+/// The largest difference of slopes from the central ray in a tile of neighbors. Neighbors that spread further are sorted first.
+/// (A fortieth of it was as fast, and more.)
 const SPREAD_OF_NEIGHBOURS: f32 = 0.25;
 
-/// The closest hit of each ray.
-#[inline(always)]
-pub(crate) fn closest<S: Simd, R: WideRay>(
-    simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    hits: &mut [Option<Hit>],
-    prepare: impl Fn(&Ray) -> Option<R>,
-) {
-    trace::<_, _, Closest>(simd, tree, rays, hits, prepare);
-}
-
-/// Whether each ray hits anything.
-#[inline(always)]
-pub(crate) fn any<S: Simd, R: WideRay>(
-    simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    occluded: &mut [bool],
-    prepare: impl Fn(&Ray) -> Option<R>,
-) {
-    trace::<_, _, Any>(simd, tree, rays, occluded, prepare);
-}
-
-/// What is asked of each ray, told by what collects it.
-pub(super) trait Query: Collect + Default {
+/// A query, as the collector of its answer.
+pub(crate) trait Query: Collect + Default {
     type Answer: Copy + Default;
 
     fn answer(self) -> Self::Answer;
 
-    /// The answers for the rays that have been gathered.
-    fn trace<S: Simd, R: WideRay, P: Fn(&Ray) -> Option<R>>(
-        tiles: &mut Tiles<'_, S, R, P>,
-        rays: &[Ray],
-        answers: &mut [Self::Answer],
-    );
+    /// Answers the rays that are gathered in a tile.
+    fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Self::Answer]);
 }
 
 impl Query for Closest {
@@ -68,11 +41,7 @@ impl Query for Closest {
     }
 
     #[inline(always)]
-    fn trace<S: Simd, R: WideRay, P: Fn(&Ray) -> Option<R>>(
-        tiles: &mut Tiles<'_, S, R, P>,
-        rays: &[Ray],
-        answers: &mut [Option<Hit>],
-    ) {
+    fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Option<Hit>]) {
         tiles.closest(rays, answers);
     }
 }
@@ -85,24 +54,20 @@ impl Query for Any {
     }
 
     #[inline(always)]
-    fn trace<S: Simd, R: WideRay, P: Fn(&Ray) -> Option<R>>(
-        tiles: &mut Tiles<'_, S, R, P>,
-        rays: &[Ray],
-        answers: &mut [bool],
-    ) {
+    fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [bool]) {
         tiles.any(rays, answers);
     }
 }
 
+/// Answers each ray, in order.
 #[inline(always)]
-fn trace<S: Simd, R: WideRay, Q: Query>(
+pub(crate) fn trace<S: TraceSimd, Q: Query>(
     simd: S,
     tree: &WideTree,
     rays: &[Ray],
     answers: &mut [Q::Answer],
-    prepare: impl Fn(&Ray) -> Option<R>,
 ) {
-    let mut tiles = Tiles::new(simd, tree, &prepare);
+    let mut tiles = Tiles::new(simd, tree);
     let mut scattered = Scattered::default();
     let mut others = Vec::new();
     for (rays, answers) in rays.chunks(WINDOW).zip(answers.chunks_mut(WINDOW)) {
@@ -118,35 +83,35 @@ fn trace<S: Simd, R: WideRay, Q: Query>(
         }
         let alone = |ray: &Ray, steps: &mut Steps| {
             let mut query = Q::default();
-            if let Some(ray) = prepare(ray) {
+            if let Some(ray) = simd.prepare(ray, tree.frame()) {
                 walk(tree, &ray, &mut query, steps);
             }
             query.answer()
         };
-        scattered.trace::<S, R, Q, _>(&mut tiles, rays, &mut others, answers, alone);
-        trace_rest::<R, Q>(tree, rays, &others, answers, &prepare);
+        scattered.trace::<S, Q>(&mut tiles, rays, &mut others, answers, alone);
+        trace_rest::<S, Q>(simd, tree, rays, &others, answers);
     }
 }
 
-/// Traces rays each by itself.
+/// Traces rays that are in no tile.
 #[inline(always)]
-fn trace_rest<R: WideRay, Q: Query>(
+fn trace_rest<S: TraceSimd, Q: Query>(
+    simd: S,
     tree: &WideTree,
     rays: &[Ray],
     numbers: &[u32],
     answers: &mut [Q::Answer],
-    prepare: impl Fn(&Ray) -> Option<R>,
 ) {
     let numbers = numbers.iter().map(|number| *number as usize);
     if numbers.len() >= FEWEST_IN_TURN {
-        queue::trace(tree, rays, numbers, prepare, |number, query: Q| {
+        queue::trace(simd, tree, rays, numbers, |number, query: Q| {
             answers[number] = query.answer();
         });
         return;
     }
     for number in numbers {
         let mut query = Q::default();
-        if let Some(ray) = prepare(&rays[number]) {
+        if let Some(ray) = simd.prepare(&rays[number], tree.frame()) {
             walk(tree, &ray, &mut query, &mut ());
         }
         answers[number] = query.answer();

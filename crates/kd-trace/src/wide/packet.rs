@@ -1,47 +1,45 @@
-//! Eight rays together, a lane for each.
+//! A packet: eight rays together, a lane for each.
 //!
-//! Rays that move most on the same axis, and go the same way on all of them, are a group, and go down the tree as one: each
-//! box is tested against all of them, and each triangle of a leaf, if it meets what [bounds](beam) the group. Where one or two
-//! rays are left, they go on by themselves ([`walk`](super::walk)).
+//! Rays whose directions are largest on the same axis, with the same signs on all axes, form a group and traverse together:
+//! each box that meets the [beam] around the group is tested against all rays, and so is each triangle of a leaf. One or two
+//! remaining rays go on alone ([`walk`](super::walk)).
 //!
 //! (I. Wald, P. Slusallek, C. Benthin, M. Wagner, *Interactive Rendering with Coherent Ray Tracing*, 2001.)
 #![allow(
     unsafe_code,
-    reason = "children are followed without checking them again: see `arrays`"
+    reason = "children are followed without a check of their indices: see `WideTree::node`"
 )]
 
 mod beam;
 mod slabs;
 mod triangles;
 
-use kd_core::{Hit, Ray, RayPacket8};
+use kd_core::{Hit, RayPacket8};
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, max_lane, min};
+use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
-use super::WideTree;
-use super::node::{Child, WIDTH, WideNode};
-use super::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
+use super::limits::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
 use super::walk::{WideRay, walk, walk_below};
 use crate::collect::Collect;
-use crate::float::min;
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, most};
+use crate::dispatch::TraceSimd;
 use beam::Beam;
 use slabs::Slabs;
 use triangles::Triangles;
 
-/// So few rays are faster one by one.
+/// At most this number of rays is faster one by one.
 const FEW: u32 = 2;
 
-/// No ray enters a box there.
+/// The entry distance of a ray that misses the box.
 const NEVER: f32 = f32::INFINITY;
 /// The limit of a ray that is done.
 const OVER: f32 = f32::NEG_INFINITY;
 
-/// Traces the ray of each lane, with a collector of its own. `prepare` prepares a ray that goes on alone.
+/// Traces the ray of each lane, with its own collector.
 #[inline(always)]
-pub(crate) fn trace<S: Simd, R: WideRay, C: Collect + Default>(
+pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
     simd: S,
     tree: &WideTree,
     packet: &RayPacket8,
-    prepare: impl Fn(&Ray) -> Option<R>,
 ) -> [C; LANES] {
     let mut found = Found {
         collectors: std::array::from_fn(|_| C::default()),
@@ -61,22 +59,21 @@ pub(crate) fn trace<S: Simd, R: WideRay, C: Collect + Default>(
             simd,
             tree,
             packet,
-            prepare: &prepare,
             alone: [const { None }; LANES],
             found: &mut found,
         };
         tracer.trace(&group);
     }
     for lane in Bits(others) {
-        if let Some(ray) = prepare(&packet.ray(lane)) {
+        if let Some(ray) = simd.prepare(&packet.ray(lane), tree.frame()) {
             walk(tree, &ray, &mut found.collectors[lane], &mut ());
         }
     }
     found.collectors
 }
 
-/// The lanes whose bits are set, in order. (A loop over these is compiled for the lanes' instructions. A closure for each of
-/// them would not be: it took eight times as long.)
+/// The lanes of the set bits, in order. (A loop over these is compiled for the level. A closure for each of them was not, and
+/// took eight times as long.)
 struct Bits(u32);
 
 impl Iterator for Bits {
@@ -93,7 +90,7 @@ impl Iterator for Bits {
     }
 }
 
-/// What the rays have found, and how far they still go.
+/// The collectors of all rays, and how far each ray still goes.
 struct Found<C> {
     collectors: [C; LANES],
     /// Or [`OVER`].
@@ -101,7 +98,7 @@ struct Found<C> {
 }
 
 impl<C: Collect> Found<C> {
-    /// The rays of some lanes are on their way.
+    /// Begins the rays of some lanes.
     #[inline(always)]
     fn begin(&mut self, packet: &RayPacket8, lanes: u32) {
         self.limits = [OVER; LANES];
@@ -112,7 +109,7 @@ impl<C: Collect> Found<C> {
 
     #[inline(always)]
     fn take(&mut self, lane: usize, hit: Hit) {
-        // Whether the ray is done the collector knows.
+        // The collector knows whether the ray is done.
         let _ = self.collectors[lane].take(hit);
         self.update(lane);
     }
@@ -129,7 +126,7 @@ impl<C: Collect> Found<C> {
     }
 }
 
-/// The lanes whose rays are finite and of usual sizes, and can hit something.
+/// The lanes whose rays can hit something and are within the [limits](super::limits).
 #[inline(always)]
 fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as Number>::Mask {
     let [x, y, z] = &packet.origin;
@@ -144,7 +141,7 @@ fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as N
     let (x, y, z) = (simd.load(x).abs(), simd.load(y).abs(), simd.load(z).abs());
     let most = simd.splat(MOST_DIRECTION);
     let largest = x.max(y).max(z);
-    // Each by itself, because the largest of a number and NaN may be the number.
+    // Each component separately: the larger of a number and NaN may be the number.
     let is_usual = x.le(most)
         & y.le(most)
         & z.le(most)
@@ -154,18 +151,18 @@ fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as N
     is_near & is_usual & simd.splat(1.0).le(simd.load(&sees))
 }
 
-/// Rays that go much the same way.
+/// Coherent rays.
 struct Group {
-    /// A bit for each.
+    /// A bit for each ray.
     lanes: u32,
-    /// Across, across, and along, where they move most.
+    /// Across, across, and along, the axis of the largest components.
     axes: [usize; 3],
     /// As in the orders of nodes.
     octant: usize,
 }
 
 impl Group {
-    /// Those that go the way of the first one.
+    /// The rays that are coherent with the first one.
     #[inline(always)]
     fn of_first<S: Simd>(simd: S, packet: &RayPacket8, among: u32) -> Self {
         let [x, y, z] = &packet.direction;
@@ -203,32 +200,31 @@ impl Group {
 #[derive(Clone, Copy)]
 struct Pending {
     child: Child,
-    /// Where each ray enters its box, or [`NEVER`].
+    /// The distance at which each ray enters its box, or [`NEVER`].
     enters: [f32; LANES],
 }
 
-/// What traces a group.
-struct Tracer<'a, S, R, F, C> {
+/// Traces a group.
+struct Tracer<'a, S: TraceSimd, C> {
     simd: S,
     tree: &'a WideTree,
     packet: &'a RayPacket8,
-    prepare: F,
-    /// Rays that have gone on alone.
-    alone: [Option<R>; LANES],
+    /// Rays that went on alone, prepared.
+    alone: [Option<S::Ray>; LANES],
     found: &'a mut Found<C>,
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R, F, C> {
+impl<S: TraceSimd, C: Collect> Tracer<'_, S, C> {
     #[inline(always)]
     fn trace(&mut self, group: &Group) {
         let simd = self.simd;
-        let arrays = self.tree.arrays();
+        let tree = self.tree;
         let slabs = Slabs::new(simd, self.tree.frame(), self.packet, group.octant);
         let beam = Beam::new(simd, self.packet, &slabs, group.lanes);
         let triangles = Triangles::new(simd, self.packet, group.axes, slabs.reach());
         let mut stack = smallvec::SmallVec::<[Pending; 64]>::new();
         stack.push(Pending {
-            child: arrays.root(),
+            child: tree.root(),
             enters: slabs.starts(),
         });
         while let Some(next) = stack.pop() {
@@ -244,16 +240,16 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R,
                 continue;
             }
             if next.child.is_leaf() {
-                // SAFETY: the root, or a leaf that came out of a node.
-                let blocks = unsafe { arrays.leaf(next.child) };
+                // SAFETY: the root or a child of a node; and a leaf.
+                let blocks = unsafe { tree.leaf(next.child) };
                 for block in blocks {
                     triangles.visit(simd, block, &beam, lanes, self.found);
                 }
                 continue;
             }
-            // SAFETY: the root, or what came out of a node, and no leaf.
-            let node = unsafe { arrays.node(next.child) };
-            let met = beam.meets(simd, node, most(&self.found.limits)).bits();
+            // SAFETY: the root or a child of a node; and no leaf.
+            let node = unsafe { tree.node(next.child) };
+            let met = beam.meets(simd, node, max_lane(&self.found.limits)).bits();
             let order = node.orders[group.octant];
             for place in 0..WIDTH {
                 let lane = (order >> (3 * place)) as usize % WIDTH;
@@ -270,7 +266,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R,
         for lane in Bits(lanes) {
             let alone = &mut self.alone[lane];
             if alone.is_none()
-                && let Some(ray) = (self.prepare)(&self.packet.ray(lane))
+                && let Some(ray) = self.simd.prepare(&self.packet.ray(lane), self.tree.frame())
             {
                 *alone = Some(ray);
             }
@@ -284,7 +280,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, C: Collect> Tracer<'_, S, R,
     }
 }
 
-/// Leaves a child for later, if a ray may meet its box.
+/// Pushes a child if a ray may meet its box.
 #[inline(always)]
 fn push<S: Simd>(
     simd: S,

@@ -1,15 +1,14 @@
-//! Nodes and blocks without any instructions in particular: the twin of what is written for AVX2, and what runs elsewhere.
+//! A ray for wide nodes and blocks on any processor: the portable twin of `avx2`.
 
 use std::ops::ControlFlow;
 
 use kd_core::Ray;
+use kd_simd::{max, min};
+use kd_wide::{Block, Child, WIDTH, WideNode};
 
-use super::node::{Child, WIDTH, WideNode};
 use super::stack::Pending;
 use super::walk::WideRay;
-use crate::block::Block;
 use crate::collect::Collect;
-use crate::float::{max, min};
 use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;

@@ -1,49 +1,47 @@
-//! Rays that go their own ways, sixteen of them in turn.
+//! Incoherent rays, sixteen at a time, in turns.
 //!
-//! A ray alone waits at each step: for its node to come from memory, for the tests to tell which child is next, and for the
-//! processor to come back from the wrong way on. Here every ray takes a step before the first takes its next one, so that
-//! they wait together. Those that are at nodes and those that are at leaves have a list each, with a loop of its own: so a
-//! step at a node has no branch that depends on the ray, and what the ray comes to next is on its way from memory while the
-//! others take their steps.
+//! A single ray waits at each step: for its node from memory, for the tests that determine the next child, and for recovery
+//! from mispredicted branches. Here every ray takes one step before the first ray takes its next one, so these latencies
+//! overlap. Rays at nodes and rays at leaves have a list and a loop each: a step at a node has no branch that depends on the ray,
+//! and the next node of a ray is loaded from memory during the steps of the others.
 //!
 //! (The two loops are those of T. Aila, S. Laine, *Understanding the Efficiency of Ray Traversal on GPUs*, 2009, there for
 //! rays that share an instruction.)
 #![allow(
     unsafe_code,
-    reason = "children are followed without checking them again: see `arrays`; and each ray's stack is left and taken up"
+    reason = "children are followed without a check of their indices: see `WideTree::node`; and each ray's stack is left and resumed"
 )]
 
 use kd_core::Ray;
+use kd_simd::min;
+use kd_wide::{Child, WideTree};
 
-use super::WideTree;
-use super::arrays::Arrays;
-use super::node::Child;
 use super::stack::Stack;
 use super::walk::WideRay;
 use crate::collect::Collect;
-use crate::float::min;
+use crate::dispatch::TraceSimd;
 
-/// How many rays are on their way. (8 and 32 were not faster, on four meshes.)
+/// Active rays. (8 and 32 were not faster, on four meshes.)
 const SLOTS: usize = 16;
 
-/// While more rays than these are at nodes, the others wait at their leaves.
+/// While more rays than this are at nodes, the others wait at their leaves.
 const FEW: usize = 4;
 
-/// Traces the rays of these numbers, each with a collector of its own, which `take` gets, in any order.
+/// Traces the rays of these numbers, each with its own collector, which is passed to `take`, in any order.
 #[inline(always)]
-pub(crate) fn trace<R: WideRay, C: Collect + Default>(
+pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
+    simd: S,
     tree: &WideTree,
     rays: &[Ray],
     numbers: impl Iterator<Item = usize>,
-    prepare: impl Fn(&Ray) -> Option<R>,
     take: impl FnMut(usize, C),
 ) {
-    let mut slots: [Slot<R, C>; SLOTS] = std::array::from_fn(|_| Slot::new());
+    let mut slots: [Slot<S::Ray, C>; SLOTS] = std::array::from_fn(|_| Slot::new());
     let mut waiting = Waiting {
-        arrays: tree.arrays(),
+        simd,
+        tree,
         rays,
         numbers,
-        prepare,
         take,
     };
     let mut at_nodes = List::default();
@@ -58,7 +56,7 @@ pub(crate) fn trace<R: WideRay, C: Collect + Default>(
             for i in 0..at_nodes.restart() {
                 let place = at_nodes.place(i);
                 let slot = &mut slots[place];
-                slot.enter(tree.arrays());
+                slot.enter(tree);
                 List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
             }
         }
@@ -68,25 +66,25 @@ pub(crate) fn trace<R: WideRay, C: Collect + Default>(
         for i in 0..at_leaves.restart() {
             let place = at_leaves.place(i);
             let slot = &mut slots[place];
-            if slot.visit(tree.arrays()) || waiting.next(slot) {
+            if slot.visit(tree) || waiting.next(slot) {
                 List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
             }
         }
     }
 }
 
-/// A ray on its way.
+/// An active ray.
 struct Slot<R, C> {
     /// `None` before the first.
     ray: Option<R>,
     number: usize,
     collector: C,
-    /// In steps; all that is pending lies before it, or did when it was left for later.
+    /// In steps. Pending children begin before it, or did when they were pushed.
     limit: f32,
-    /// Where it is: a node or a leaf of the tree.
+    /// The current node or leaf of the tree.
     child: Child,
     stack: Stack,
-    /// How much of it is written.
+    /// The number of entries of the stack.
     pending: usize,
 }
 
@@ -103,68 +101,67 @@ impl<R: WideRay, C: Collect + Default> Slot<R, C> {
         }
     }
 
-    /// Goes on from a node.
+    /// Visits a node.
     #[inline(always)]
-    fn enter(&mut self, arrays: &Arrays) {
+    fn enter(&mut self, tree: &WideTree) {
         let Some(ray) = &self.ray else { return };
-        // SAFETY: in the list of nodes, so it is one, and it came out of the tree.
-        let node = unsafe { arrays.node(self.child) };
-        // SAFETY: what was left there.
+        // SAFETY: the slot is in the list of nodes, so the child is one; it is the root or was read from a node of the tree.
+        let node = unsafe { tree.node(self.child) };
+        // SAFETY: this number of entries was written before.
         let mut pending = unsafe { self.stack.resume(self.pending) };
         self.child = ray.enter_or_pop(node, self.limit, &mut pending);
         self.pending = pending.len();
-        arrays.prefetch(self.child);
+        tree.prefetch(self.child);
     }
 
-    /// Goes on from a leaf; false if the ray is done.
+    /// Visits a leaf; false if the ray is done.
     #[inline(always)]
-    fn visit(&mut self, arrays: &Arrays) -> bool {
+    fn visit(&mut self, tree: &WideTree) -> bool {
         let Some(ray) = &self.ray else { return false };
-        // SAFETY: in the list of leaves, so it is one, and it came out of the tree, or has no blocks.
-        let blocks = unsafe { arrays.leaf(self.child) };
+        // SAFETY: the slot is in the list of leaves, so the child is one; it was read from a node of the tree, or has no blocks.
+        let blocks = unsafe { tree.leaf(self.child) };
         let collector = &mut self.collector;
         if ray.visit(blocks, self.limit, collector, &mut ()).is_break() {
             return false;
         }
         self.limit = min(ray.steps(collector.limit()), self.limit);
-        // SAFETY: what was left there.
+        // SAFETY: this number of entries was written before.
         let mut pending = unsafe { self.stack.resume(self.pending) };
         let next = pending.pop(self.limit);
         self.pending = pending.len();
-        // What lies at the bottom is no child.
+        // The entry at the bottom is no child.
         let Some(child) = next.filter(|_| self.pending > 0) else {
             return false;
         };
         self.child = child;
-        arrays.prefetch(child);
+        tree.prefetch(child);
         true
     }
 }
 
-/// Rays that have not begun, and where those go that are done.
-struct Waiting<'a, N, P, T> {
-    arrays: &'a Arrays,
+/// Rays that have not begun, and the receiver of finished ones.
+struct Waiting<'a, S, N, T> {
+    simd: S,
+    tree: &'a WideTree,
     rays: &'a [Ray],
     numbers: N,
-    prepare: P,
     take: T,
 }
 
-impl<N: Iterator<Item = usize>, P, T> Waiting<'_, N, P, T> {
-    /// Puts the next ray in a slot where none is; false if there is no other.
+impl<S: TraceSimd, N: Iterator<Item = usize>, T> Waiting<'_, S, N, T> {
+    /// Puts the next ray in an empty slot; false if none is left.
     #[inline(always)]
-    fn begin<R: WideRay, C: Collect + Default>(&mut self, slot: &mut Slot<R, C>) -> bool
+    fn begin<C: Collect + Default>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
     where
-        P: Fn(&Ray) -> Option<R>,
         T: FnMut(usize, C),
     {
         for number in self.numbers.by_ref() {
-            if let Some(ray) = (self.prepare)(&self.rays[number]) {
+            if let Some(ray) = self.simd.prepare(&self.rays[number], self.tree.frame()) {
                 slot.number = number;
                 slot.limit = ray.end();
                 slot.ray = Some(ray);
-                slot.child = self.arrays.root();
-                // At the bottom there is always something to pop: a leaf without blocks.
+                slot.child = self.tree.root();
+                // A leaf without blocks at the bottom, so that a pop always succeeds.
                 let mut pending = slot.stack.pending();
                 pending.push(f32::NEG_INFINITY, Child::NOTHING);
                 slot.pending = pending.len();
@@ -175,11 +172,10 @@ impl<N: Iterator<Item = usize>, P, T> Waiting<'_, N, P, T> {
         false
     }
 
-    /// [`begin`](Self::begin) where a ray is done.
+    /// Finishes the ray of a slot, and [begins](Self::begin) another one.
     #[inline(always)]
-    fn next<R: WideRay, C: Collect + Default>(&mut self, slot: &mut Slot<R, C>) -> bool
+    fn next<C: Collect + Default>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
     where
-        P: Fn(&Ray) -> Option<R>,
         T: FnMut(usize, C),
     {
         (self.take)(slot.number, std::mem::take(&mut slot.collector));
@@ -187,7 +183,7 @@ impl<N: Iterator<Item = usize>, P, T> Waiting<'_, N, P, T> {
     }
 }
 
-/// Some of the slots.
+/// A list of slots.
 #[derive(Default)]
 struct List {
     places: [u8; SLOTS],
@@ -195,8 +191,8 @@ struct List {
 }
 
 impl List {
-    /// Begins again, and gives how many there were. They can still be read, each before as many others are pushed: one by
-    /// one, since a copy of them all would wait for those that were written last.
+    /// Empties the list and returns its length. The entries can still be read, each before as many others are pushed. (They are
+    /// read one by one: a copy of all would wait for the last writes.)
     #[inline(always)]
     fn restart(&mut self) -> usize {
         std::mem::take(&mut self.len)
@@ -207,9 +203,9 @@ impl List {
         usize::from(self.places[i % SLOTS]) % SLOTS
     }
 
-    /// Puts a slot in the list where its child belongs, without a branch.
+    /// Puts a slot in the list of its child's kind, without a branch.
     #[inline(always)]
-    #[allow(clippy::cast_possible_truncation, reason = "there are few slots")]
+    #[allow(clippy::cast_possible_truncation, reason = "fewer than 256 slots")]
     fn push(child: Child, place: usize, at_nodes: &mut Self, at_leaves: &mut Self) {
         let is_leaf = child.is_leaf();
         at_nodes.places[at_nodes.len % SLOTS] = place as u8;

@@ -1,32 +1,31 @@
-//! Rays that are no neighbours of such as are alike, but may be alike with others.
+//! Coherent rays that are not neighbors.
 //!
-//! What something curved mirrors goes on all ways, and so does light to what is seen there. But of many such rays there are
-//! some that go much the same way: they are [sorted](super::sorter), and traced as [tiles](super::tile).
+//! Rays that a curved mirror reflects go in all directions, and so do shadow rays from the points that they hit. Among many such
+//! rays some are coherent: they are [sorted](super::sorter) and traced as [tiles](super::tile).
 //!
-//! That does not always pay. Rays that are scattered by chance go the same way from everywhere, and meet other boxes each; a
-//! tile of them takes longer than they would alone. So there are two checks: rays are only sorted where neighbours are alike
-//! more often than by chance, and it is looked at what tiles take.
+//! That does not always pay. Rays that are scattered at random have similar directions but distant origins, and meet different
+//! boxes: a tile of them takes longer than single rays. So two checks apply: rays are sorted only where neighbors are coherent
+//! more often than by chance, and tiles are used only while they cost less than single rays.
 
 use kd_core::Ray;
 
 use super::batch::{FEWEST, Query};
 use super::sorter::{Sorter, are_alike};
 use super::tile::{RAYS, Tiles};
-use super::walk::WideRay;
-use crate::lanes::Simd;
+use crate::dispatch::TraceSimd;
 use crate::probe::Probe;
 
-/// Fewer rays are not looked at.
+/// The fewest rays that are sorted.
 const FEWEST_SORTED: usize = 2 * RAYS;
 
-/// So many rays tell what others take alone.
+/// Rays that are traced alone to measure the steps of single rays.
 const SAMPLES: usize = 8;
 
-/// So many pairs tell whether rays are scattered by chance: more than one in eleven is alike only where they are not.
+/// Pairs of rays that are compared, and the fewest coherent ones, more than one in eleven, in rays that are not random.
 const PAIRS: usize = 64;
 const FEWEST_ALIKE: usize = 6;
 
-/// Rays of the same batch, some of them at a time.
+/// The rays of one batch that are in no tile of neighbors, window by window.
 #[derive(Default)]
 pub(super) struct Scattered {
     sorter: Option<Box<Sorter>>,
@@ -36,11 +35,11 @@ pub(super) struct Scattered {
 }
 
 impl Scattered {
-    /// Traces those rays as tiles that are alike, if that pays, and takes them out of the numbers. `alone` traces a ray.
+    /// Traces coherent rays as tiles while that pays, and removes them from `numbers`. `alone` traces one ray.
     #[inline(always)]
-    pub(super) fn trace<S: Simd, R: WideRay, Q: Query, P: Fn(&Ray) -> Option<R>>(
+    pub(super) fn trace<S: TraceSimd, Q: Query>(
         &mut self,
-        tiles: &mut Tiles<'_, S, R, P>,
+        tiles: &mut Tiles<'_, S>,
         rays: &[Ray],
         numbers: &mut Vec<u32>,
         answers: &mut [Q::Answer],
@@ -83,10 +82,10 @@ impl Scattered {
     }
 }
 
-/// Whether neighbours are not alike more often than if each went its way by chance.
+/// Whether neighbors are coherent no more often than random rays.
 #[inline(always)]
 fn are_by_chance(rays: &[Ray], numbers: &[u32]) -> bool {
-    // The next but one, since two kinds of rays may alternate.
+    // Each ray and the next but one, since two kinds of rays may alternate.
     let pairs = numbers.as_chunks::<3>().0;
     let looked_at = pairs.iter().step_by(pairs.len().div_ceil(PAIRS));
     let count = looked_at.len();
@@ -94,7 +93,7 @@ fn are_by_chance(rays: &[Ray], numbers: &[u32]) -> bool {
     alike.count() * PAIRS < FEWEST_ALIKE * count
 }
 
-/// What a ray takes alone: nodes and leaves.
+/// The steps of a single ray: nodes and leaves.
 #[derive(Default)]
 pub(super) struct Steps(u32);
 
@@ -108,28 +107,28 @@ impl Probe for Steps {
     }
 }
 
-/// Whether tiles pay, from how the last ones went.
+/// Whether tiles pay, by the costs of the last tiles.
 #[derive(Default)]
 struct Trust {
-    /// Steps that rays took alone, and how many rays.
+    /// Steps of single rays, and the number of these rays.
     steps: f32,
     rays: f32,
-    /// How much less tiles took than they might, as [`effort`](Tiles::effort); while that is below zero there are no tiles.
+    /// The budget left after the [`effort`](Tiles::effort) of all tiles. No tile is traced while it is below zero.
     saved: f32,
 }
 
-/// What a tile may take for each step that its rays would take alone. (From 0.3 to 0.5 it was about as fast behind the mirrors
+/// The effort that a tile may take per step of its rays alone. (From 0.3 to 0.5 it was about as fast behind the mirrors
 /// of BART kitchen; throw-away program, 2026-11-28.)
 const EFFORT_OF_STEP: f32 = 0.4;
-/// And less for each ray, which takes so much before its first box.
+/// Subtracted for each ray: its effort before its first box.
 const EFFORT_OF_RAY: f32 = 0.3;
-/// What is forgotten for each ray that is not in a tile.
+/// Added to the budget for each ray that is in no tile.
 const FORGOTTEN: f32 = 0.3;
-/// No more is saved up for tiles that take more than they may.
+/// Upper limit of the budget.
 const MOST_SAVED: f32 = 256.0;
 
 impl Trust {
-    /// Whether so many rays are to be traced as a tile.
+    /// Whether to trace this number of rays as a tile.
     fn has(&mut self, rays: usize) -> bool {
         if self.saved >= 0.0 {
             return true;
@@ -143,7 +142,7 @@ impl Trust {
         self.rays += 1.0;
     }
 
-    /// What a tile took. Some ray has been traced alone before.
+    /// Records the effort of a tile, after [`learn_alone`](Self::learn_alone).
     fn learn(&mut self, rays: usize, effort: u32) {
         let may_take = EFFORT_OF_STEP * self.steps / self.rays - EFFORT_OF_RAY;
         let saved = self.saved + may_take * rays as f32 - effort as f32;
@@ -157,7 +156,7 @@ mod tests {
 
     use super::*;
 
-    /// Rays in a row, each turned from the one before by an angle.
+    /// Rays at the given angles.
     fn turned(by: impl Fn(u16) -> f32) -> Vec<Ray> {
         let direction = |i: u16| Vec3::new(by(i).cos(), by(i).sin(), 0.1);
         (0..600)
@@ -166,13 +165,13 @@ mod tests {
     }
 
     #[test]
-    fn chance_is_told_from_mirrors() {
+    fn random_rays_are_distinguished_from_mirrored_ones() {
         let numbers: Vec<u32> = (0..600).collect();
         let ball = turned(|i| 0.05 * f32::from(i));
         assert!(!are_by_chance(&ball, &numbers), "round a ball");
         let two = turned(|i| 0.05 * f32::from(i) + f32::from(i % 2) * 2.0);
         assert!(!are_by_chance(&two, &numbers), "two kinds in turn");
-        // On all sides, or on those of a half: a sequence that is spread evenly.
+        // A low-discrepancy sequence of directions, over the sphere or a hemisphere.
         for half in [false, true] {
             let all = |i: u16| {
                 let part = |step: f32| (f32::from(i) * step).fract();

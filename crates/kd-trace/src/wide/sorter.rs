@@ -1,70 +1,66 @@
 //! Rays sorted by direction.
 //!
-//! Directions are places on the six sides of a cube. A side is divided into cells, along a curve that stays near itself
-//! (Morton's). Rays of a side, along the curve, go more or less the same way.
+//! A direction is a point on one of the six sides of a cube. A side is divided into cells along Morton's curve. Consecutive rays
+//! on a side, in this order, have similar directions.
 
 use kd_core::Ray;
-
-use crate::lanes::LANES;
+use kd_simd::LANES;
 
 /// Cells along the edge of a side, as a power of two.
 const BITS: u32 = 4;
 const CELLS: usize = 1 << (2 * BITS);
 const SIDES: usize = 6;
 
-/// Where a ray goes.
+/// The cell of a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Cell(u16);
 
 impl Cell {
-    /// Something for rays without a direction.
+    /// Any cell for a ray without a direction.
     #[inline(always)]
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "it is the last bits that are wanted"
-    )]
+    #[allow(clippy::cast_possible_truncation, reason = "the last bits")]
     fn of(ray: &Ray) -> Self {
         let [x, y, z] = ray.direction.to_array();
         let size = ray.direction.abs();
         let is_x = size.x >= size.y && size.x >= size.z;
         let is_y = size.y >= size.z;
-        // Without branches: where rays go everywhere, none could be foreseen.
+        // Without branches, which incoherent rays would make unpredictable.
         let along = usize::from(!is_x) + usize::from(!(is_x | is_y));
         let turned = [x, y, z, x, y];
         let side = 2 * along as u16 + u16::from(turned[along] < 0.0);
         let middle = 0.5 * ((1 << BITS) - 1) as f32;
         let scale = middle / turned[along].abs();
-        // 2²³ and a number below have that number, rounded, in their last bits.
+        // 2²³ plus a smaller number has that number, rounded, in its last bits.
         const LAST_BITS: f32 = 8_388_608.0;
         let place = |x: f32| (x * scale + middle + LAST_BITS).to_bits() as u16 % (1 << BITS);
         let [x, y] = [turned[along + 1], turned[along + 2]].map(|x| spread(place(x)));
         Self((side << (2 * BITS)) | x | (y << 1))
     }
 
-    /// The quarter by quarter of a side that it lies in.
+    /// The sixteenth of a side that contains the cell.
     #[inline(always)]
     fn block(self) -> u16 {
         self.0 >> (2 * BITS - 4)
     }
 }
 
-/// The lowest four bits, with room between them.
+/// The lowest four bits, with a zero between each two.
 #[inline(always)]
 fn spread(bits: u16) -> u16 {
     let pairs = (bits | bits << 2) & 0x33;
     (pairs | pairs << 1) & 0x55
 }
 
-/// Whether these two go more or less the same way.
+/// Whether two rays have similar directions.
 #[inline(always)]
 pub(super) fn are_alike(a: &Ray, b: &Ray) -> bool {
     Cell::of(a).block() == Cell::of(b).block()
 }
 
-/// Sorts rays. What it needs is kept for the next ones.
+/// Sorts rays, and keeps its memory for the next ones.
 pub(super) struct Sorter {
     cells: Vec<Cell>,
-    /// For each cell, where its next ray comes to lie.
+    /// For each cell, the place of its next ray.
     next: [u32; SIDES * CELLS],
     sorted: Vec<u32>,
 }
@@ -80,8 +76,8 @@ impl Default for Sorter {
 }
 
 impl Sorter {
-    /// The numbers of some rays, in the order of the cells that they go to, those of a cell in the order they had: each side
-    /// in runs of `most` or fewer, about as long as each other.
+    /// The numbers of rays in the order of their cells, stable within a cell: each side in runs of at most `most`, of about
+    /// equal length.
     pub(super) fn runs(
         &mut self,
         rays: &[Ray],
@@ -133,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_direction_has_its_place() {
+    fn directions_have_cells() {
         let cell = |x: f32, y: f32, z: f32| Cell::of(&Ray::new(Vec3::ZERO, Vec3::new(x, y, z))).0;
         assert_eq!(
             cell(2.0, -2.0, -2.0),
@@ -155,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_on_the_cube_are_alike() {
+    fn near_directions_are_alike() {
         let ray = |x: f32, y: f32| Ray::new(Vec3::ZERO, Vec3::new(x, y, 1.0));
         assert!(are_alike(&ray(0.1, 0.1), &ray(0.4, 0.3)));
         assert!(!are_alike(&ray(0.1, 0.1), &ray(0.9, 0.1)), "further");
@@ -167,7 +163,7 @@ mod tests {
     }
 
     proptest! {
-        /// Every number comes once, in runs of one side that are in order.
+        /// Every number comes once, in ordered runs of one side each.
         #[test]
         fn runs_hold_every_ray_once(
             directions in prop::collection::vec(prop::array::uniform3(-1.0_f32..1.0), 1..400),

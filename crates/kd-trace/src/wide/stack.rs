@@ -1,20 +1,19 @@
-//! Children to visit later.
+//! The stack of children that a ray visits later.
 #![allow(
     unsafe_code,
-    reason = "memory that is written eight values at a time, and never cleared: that would take as long as a node"
+    reason = "the memory is written eight values at a time and never cleared, which would take as long as a node"
 )]
 #![allow(
     clippy::multiple_unsafe_ops_per_block,
-    reason = "to read an entry is two: that it is there, and that it was written"
+    reason = "a read of an entry needs two: it is within the array, and it was written"
 )]
 
 use std::mem::MaybeUninit;
 
-use super::MOST_LEVELS;
-use super::node::{Child, WIDTH};
+use kd_wide::{Child, MAX_LEVELS, WIDTH};
 
 /// All but one of the children on each level of a path.
-const MOST: usize = MOST_LEVELS * (WIDTH - 1);
+const MOST: usize = MAX_LEVELS * (WIDTH - 1);
 
 /// Memory for [`Pending`].
 pub(crate) struct Stack {
@@ -22,10 +21,10 @@ pub(crate) struct Stack {
     child: [MaybeUninit<Child>; MOST + WIDTH],
 }
 
-/// Children to visit, with where the ray enters their boxes; the next one last.
+/// Children to visit, each with the distance at which the ray enters its box. The next one is last.
 pub(crate) struct Pending<'a> {
     stack: &'a mut Stack,
-    /// Entries below it have been written. Apart from the memory, so that it stays in a register.
+    /// The entries below it are written. Not in the memory of the stack, so that it stays in a register.
     len: usize,
 }
 
@@ -38,11 +37,11 @@ impl Stack {
         }
     }
 
-    /// What was pending when it was left.
+    /// The first `len` entries, as an earlier [`Pending`] left them.
     ///
     /// # Safety
     ///
-    /// So many entries of this stack have been written, or more.
+    /// At least `len` entries of this stack have been written.
     #[inline(always)]
     pub(crate) unsafe fn resume(&mut self, len: usize) -> Pending<'_> {
         Pending { stack: self, len }
@@ -70,11 +69,11 @@ impl Pending<'_> {
     ///
     /// # Panics
     ///
-    /// If there is none left, in a tree deeper than any.
+    /// If the stack is full: in a tree that is deeper than [`MAX_LEVELS`].
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) fn room(&mut self) -> (*mut f32, *mut Child) {
-        assert!(self.len <= MOST, "a tree has at most {MOST_LEVELS} levels");
+        assert!(self.len <= MOST, "a tree has at most {MAX_LEVELS} levels");
         // SAFETY: `len` is within the array.
         let enter = unsafe { self.stack.enter.as_mut_ptr().add(self.len) };
         // SAFETY: the same.
@@ -82,11 +81,11 @@ impl Pending<'_> {
         (enter.cast(), child.cast())
     }
 
-    /// Takes the first entries of the room for pushed.
+    /// Pushes the first `count` entries of the room.
     ///
     /// # Safety
     ///
-    /// So many have been written, at most eight.
+    /// `count` entries have been written, at most eight.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) unsafe fn grow(&mut self, count: usize) {
@@ -98,25 +97,25 @@ impl Pending<'_> {
         self.len
     }
 
-    /// The next child, wherever the ray enters its box.
+    /// The next child, at any distance.
     ///
     /// # Panics
     ///
-    /// If there is none.
+    /// If nothing is pending.
     #[inline(always)]
     pub(crate) fn pop_last(&mut self) -> Child {
         assert!(self.len > 0, "something is pending");
         self.len -= 1;
-        // SAFETY: entries below what was `len` have been written, so there are that many.
+        // SAFETY: entries below the old `len` are written, so it is within the array.
         unsafe { self.stack.child.get_unchecked(self.len).assume_init() }
     }
 
-    /// The next child whose box the ray enters no later than at `limit`; others before it are dropped.
+    /// The next child whose box the ray enters at `limit` or before. Drops those above it.
     #[inline(always)]
     pub(crate) fn pop(&mut self, limit: f32) -> Option<Child> {
         while self.len > 0 {
             self.len -= 1;
-            // SAFETY: entries below `len` have been written, so there are that many.
+            // SAFETY: entries below the old `len` are written, so it is within the array.
             let enter = unsafe { self.stack.enter.get_unchecked(self.len).assume_init() };
             if enter <= limit {
                 // SAFETY: the same.

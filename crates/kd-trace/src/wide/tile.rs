@@ -1,11 +1,10 @@
-//! Neighbouring rays that go much the same way, in tiles of up to 64.
+//! Tiles: up to 64 coherent rays that traverse together.
 //!
-//! A tile goes down the tree as one ([`trace`]): at each node its frustum is tested against eight children at once, and where
-//! it meets one, the frusta of its groups of eight rays against that one. Where a leaf is met, its triangles are prepared once
-//! for all rays, and tested against groups before single rays ([`leaf`]). Nothing here decides what is a hit: rays keep the
-//! triangle that they hit first as far as f32 can tell, and in the end eight rays at a time are decided with theirs
-//! ([`decide`]). Where f32 cannot tell, a triangle is decided at once. Where few rays of a tile are left, they go on one by
-//! one ([`alone`]).
+//! A tile has one traversal ([`trace`]). At each node its frustum is tested against eight children at once, and for each child
+//! that it meets, the frusta of its groups of eight rays are tested against that child. The triangles of a leaf are prepared once
+//! for all rays, and tested against groups before single rays ([`leaf`]). During the traversal, each ray keeps the triangle
+//! that it hits first according to f32; at the end eight rays at a time are [decided](super::eight) with their triangles. Where
+//! f32 cannot order two triangles, they are decided at once. Few remaining rays go on one by one ([`alone`]).
 //!
 //! (After A. Reshetov, A. Soupikov, J. Hurley, *Multi-Level Ray Tracing Algorithm*, 2005; I. Wald, S. Boulos, P. Shirley,
 //! *Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies*, 2007; A. Reshetov, *Faster Ray Packets -
@@ -19,28 +18,27 @@ mod trace;
 mod waiting;
 
 use kd_core::{Hit, Ray};
+use kd_simd::{LANES, min};
+use kd_wide::WideTree;
 
-use super::WideTree;
-use super::decide;
-use super::usual::fits;
-use super::walk::WideRay;
+use super::eight;
+use super::limits::fits;
 use crate::collect::keep_first;
-use crate::float::min;
-use crate::lanes::{LANES, Simd};
+use crate::dispatch::TraceSimd;
 use alone::Alone;
 use frustum::Frustum;
 use leaf::{Edges, MOST_SPREAD, Range, TERMS, TERMS_FROM_APEX, View};
 use trace::Tracer;
 use waiting::Waiting;
 
-/// Rays in a tile, at most.
+/// The largest number of rays of a tile.
 pub(crate) const RAYS: usize = 64;
-/// Groups of as many rays as there are lanes.
+/// Groups of eight rays.
 const GROUPS: usize = RAYS / LANES;
-/// A number for each ray, by groups.
+/// A value for each ray, by groups.
 type PerRay<T> = [[T; LANES]; GROUPS];
 
-/// Stands where a ray has no triangle.
+/// The number of a ray without a triangle.
 const NOTHING: u32 = u32::MAX;
 /// A depth that no ray reaches.
 const OVER: f32 = f32::NEG_INFINITY;
@@ -54,31 +52,31 @@ struct Turned {
     t_max: PerRay<f32>,
 }
 
-/// What is known of up to 64 rays while they are traced.
+/// The state of up to 64 rays.
 #[derive(Debug)]
 struct Tile {
     view: View,
     /// Whether all rays start at the apex.
     is_apex: bool,
     turned: Turned,
-    /// What tells rays from the central one.
+    /// The differences of rays from the central ray.
     terms: [PerRay<f32>; TERMS],
-    /// Depths where rays are at `t = 0`.
+    /// The depths of rays at `t = 0`.
     from: PerRay<f32>,
-    /// Depths between which a hit counts: where the ray starts, and where it ends or surely hits something.
+    /// The depths between which a hit counts: the begin of the ray, and its end or a certain hit.
     start: PerRay<f32>,
     limit: PerRay<f32>,
-    /// How much deeper the ray is at `t + 1`.
+    /// Depth per unit of `t`.
     speed: PerRay<f32>,
-    /// The triangle that is met first, where no other is as near, as eight times its block and its lane.
+    /// The triangle that the ray hits first, or [`NOTHING`]: eight times its block plus its lane.
     place: PerRay<u32>,
-    /// Where, at the nearest.
+    /// The least depth of that hit.
     nearest: PerRay<f32>,
     groups: Frustum<[f32; LANES]>,
     ranges: [Range; TERMS],
     /// The frustum of all rays, in all lanes.
     whole: Frustum<[f32; LANES]>,
-    /// A stack: as long as it has been needed so far.
+    /// The stack. It grows on demand and never shrinks.
     pending: Vec<Pending>,
     edges: Edges,
 }
@@ -86,7 +84,7 @@ struct Tile {
 /// A child to visit later.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
-    /// Eight times the index of the node, and the lane.
+    /// Eight times the index of the node, plus the lane.
     place: usize,
     enter: f32,
 }
@@ -115,9 +113,9 @@ impl Tile {
 
     /// The rays of a group.
     #[inline(always)]
-    fn turned_group(&self, group: usize) -> decide::Rays<'_> {
+    fn turned_group(&self, group: usize) -> eight::Rays<'_> {
         let turned = &self.turned;
-        decide::Rays {
+        eight::Rays {
             axes: self.view.axes,
             origin: turned.origin.each_ref().map(|rows| &rows[group]),
             direction: turned.direction.each_ref().map(|rows| &rows[group]),
@@ -126,43 +124,43 @@ impl Tile {
         }
     }
 
-    /// Takes a hit that has been decided.
+    /// Keeps a decided hit.
     #[inline(always)]
     fn take(&mut self, number: usize, hit: Hit, hits: &mut [Option<Hit>]) {
         let (group, lane) = (number / LANES, number % LANES);
         keep_first(&mut hits[number], hit);
-        // Rounded three times; rounded on.
+        // Rounded three times, so increased.
         let depth = self.from[group][lane] + hit.t * self.speed[group][lane];
         let limit = &mut self.limit[group][lane];
         *limit = min(depth * (1.0 + 4.0 * f32::EPSILON), *limit);
     }
 }
 
-/// What traces tiles through a tree, one after the other.
-pub(crate) struct Tiles<'a, S, R, F> {
+/// Traces tiles through a tree, one after another.
+pub(crate) struct Tiles<'a, S: TraceSimd> {
     simd: S,
     tree: &'a WideTree,
-    /// Whether there can be tiles at all.
+    /// Whether the tree is within the limits of tiles.
     fits: bool,
     tile: Tile,
-    alone: Alone<R, F>,
+    alone: Alone<S>,
 }
 
-impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
-    /// `prepare` prepares a ray that goes on alone.
+impl<'a, S: TraceSimd> Tiles<'a, S> {
+    /// No rays yet.
     #[inline(always)]
-    pub(crate) fn new(simd: S, tree: &'a WideTree, prepare: F) -> Self {
+    pub(crate) fn new(simd: S, tree: &'a WideTree) -> Self {
         Self {
             simd,
             tree,
             fits: fits(tree.frame()),
             tile: Tile::new(),
-            alone: Alone::new(prepare),
+            alone: Alone::new(),
         }
     }
 
-    /// Takes up to [`RAYS`] rays, to be traced next; false if they are not alike enough: if they do not go to the same side, or
-    /// if their slopes are further than `most_spread`, at most [`MOST_SPREAD`], from the central one.
+    /// Gathers up to [`RAYS`] rays, which are traced next; false if they are not coherent: if their directions are largest on
+    /// different axes or signs, or if a slope differs by more than `most_spread`, at most [`MOST_SPREAD`], from the central one.
     #[inline(always)]
     pub(crate) fn gather(&mut self, rays: &[Ray], most_spread: f32) -> bool {
         self.fits
@@ -171,32 +169,31 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
                 .gather(self.simd, rays, most_spread, self.tree.frame())
     }
 
-    /// As [`gather`](Self::gather), for rays that were no neighbours.
+    /// [`gather`](Self::gather) for rays that were not neighbors.
     #[inline(always)]
     pub(crate) fn gather_sorted(&mut self, rays: &[Ray]) -> bool {
-        self.alone.expect_parting();
+        self.alone.expect_divergence();
         self.gather(rays, MOST_SPREAD)
     }
 
-    /// What the last tile took, roughly in boxes that groups of eight rays were tested against.
+    /// The effort of the last tile, roughly in boxes tested against a group of eight rays.
     pub(crate) fn effort(&self) -> u32 {
         self.alone.effort()
     }
 
-    /// The closest hits of the rays that have been gathered.
+    /// The closest hits of the gathered rays.
     #[inline(always)]
     pub(crate) fn closest(&mut self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         hits.fill(None);
         self.trace::<false>(rays, hits);
         self.simd.apart(Waiting {
-            simd: self.simd,
-            blocks: self.tree.arrays().blocks(),
+            blocks: self.tree.blocks(),
             tile: &self.tile,
             hits,
         });
     }
 
-    /// Whether the rays that have been gathered hit anything.
+    /// Whether each gathered ray hits anything.
     #[inline(always)]
     pub(crate) fn any(&mut self, rays: &[Ray], occluded: &mut [bool]) {
         self.trace::<true>(rays, &mut []);
@@ -206,7 +203,7 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
         }
     }
 
-    /// With as many terms as are needed.
+    /// With the number of terms that the rays need.
     #[inline(always)]
     fn trace<const ANY: bool>(&mut self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         if self.tile.is_apex {
@@ -222,7 +219,7 @@ impl<'a, S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>> Tiles<'a, S, R, F> {
         rays: &[Ray],
         hits: &mut [Option<Hit>],
     ) {
-        self.simd.apart(Tracer::<S, R, F, ANY, TERMS> {
+        self.simd.apart(Tracer::<S, ANY, TERMS> {
             simd: self.simd,
             tree: self.tree,
             rays,

@@ -1,27 +1,26 @@
-//! The traversal loop over wide nodes.
+//! The traversal loop over wide nodes, for one ray.
 //!
-//! A ray goes to the nearest child whose box it meets, and leaves the others for later, the farthest first. Which is
-//! nearer is told by the planes that the node was made from and the signs of the direction, as in a binary tree, and not
-//! by sorting distances: each node has the order of its children for every octant of directions (V. Fuetterling,
+//! A ray visits the nearest child whose box it meets, and pushes the others, the farthest first. The order of the children
+//! comes from the splits that the node was made from and the signs of the direction, as in a binary tree, and not from sorted
+//! distances: each node stores the order of its children for every octant of directions (V. Fuetterling,
 //! C. Lojewski, F.-J. Pfreundt, B. Hamann, A. Ebert, *Accelerated Single Ray Tracing for Wide Vector Units*, 2017).
 #![allow(
     unsafe_code,
-    reason = "children are followed without checking them again: see `arrays`"
+    reason = "children are followed without a check of their indices: see `WideTree::node`"
 )]
 
 use std::ops::ControlFlow;
 
-use super::WideTree;
-use super::node::{Child, WIDTH, WideNode};
+use kd_simd::min;
+use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
+
 use super::stack::{Pending, Stack};
-use crate::block::Block;
 use crate::collect::Collect;
-use crate::float::min;
 use crate::probe::Probe;
 
-/// A ray, ready to be asked about nodes and blocks, for one set of instructions.
+/// A ray, prepared for wide nodes and blocks, for one set of instructions.
 ///
-/// Distances are in steps, see [`planes`](crate::planes).
+/// Distances are in steps (see [`planes`](crate::planes)).
 pub(crate) trait WideRay {
     /// The end of the ray, in steps.
     fn end(&self) -> f32;
@@ -29,10 +28,10 @@ pub(crate) trait WideRay {
     /// A value of `t` in steps.
     fn steps(&self, t: f32) -> f32;
 
-    /// The nearest child whose box the ray may meet up to `limit`; the others of them are pushed, farthest first.
+    /// The nearest child whose box the ray may meet up to `limit`. Pushes the other ones, farthest first.
     fn enter(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child>;
 
-    /// [`enter`](Self::enter), and where no box is met, [`pop_last`](Pending::pop_last).
+    /// [`enter`](Self::enter), or [`pop_last`](Pending::pop_last) if the ray meets no box.
     ///
     /// # Panics
     ///
@@ -43,7 +42,7 @@ pub(crate) trait WideRay {
             .unwrap_or_else(|| pending.pop_last())
     }
 
-    /// Gives the collector every hit in the blocks up to `limit`; breaks if it does.
+    /// Passes every hit in the blocks up to `limit` to the collector. Breaks if the collector does.
     fn visit<C: Collect, P: Probe>(
         &self,
         blocks: &[Block],
@@ -55,7 +54,7 @@ pub(crate) trait WideRay {
 
 /// Gives the collector every hit of the ray that it may want, roughly front to back.
 ///
-/// Always inlined, so that it is compiled for the instructions that its caller may use.
+/// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
 pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
     tree: &WideTree,
@@ -63,12 +62,12 @@ pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
     collector: &mut C,
     probe: &mut P,
 ) {
-    let root = tree.arrays().root();
+    let root = tree.root();
     // SAFETY: the root.
     unsafe { walk_below(tree, ray, root, ray.end(), collector, probe) };
 }
 
-/// [`walk`] below one child, told as eight times the index of its node and its lane, up to `end`.
+/// [`walk`] below one child, up to `end`. `place` is eight times the index of its node, plus its lane.
 #[inline(always)]
 pub(crate) fn walk_at<R: WideRay, C: Collect>(
     tree: &WideTree,
@@ -77,7 +76,7 @@ pub(crate) fn walk_at<R: WideRay, C: Collect>(
     end: f32,
     collector: &mut C,
 ) {
-    let child = tree.arrays().nodes()[place / WIDTH].children[place % WIDTH];
+    let child = tree.nodes()[place / WIDTH].children[place % WIDTH];
     // SAFETY: a child of a node of the tree.
     unsafe { walk_below(tree, ray, child, end, collector, &mut ()) };
 }
@@ -86,7 +85,7 @@ pub(crate) fn walk_at<R: WideRay, C: Collect>(
 ///
 /// # Safety
 ///
-/// It is the root or a child of a node of the tree.
+/// `child` is the root or a child of a node of the tree.
 #[inline(always)]
 pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
     tree: &WideTree,
@@ -99,11 +98,10 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
     let mut stack = Stack::new();
     let mut pending = stack.pending();
     let mut limit = end;
-    let arrays = tree.arrays();
     loop {
         if child.is_leaf() {
-            // SAFETY: the caller's, or a leaf that came out of a node.
-            let blocks = unsafe { arrays.leaf(child) };
+            // SAFETY: the caller's, or a child of a node; and a leaf.
+            let blocks = unsafe { tree.leaf(child) };
             probe.leaf(blocks.iter().map(Block::count).sum());
             if ray.visit(blocks, limit, collector, probe).is_break() {
                 return;
@@ -111,8 +109,8 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
             limit = min(ray.steps(collector.limit()), end);
         } else {
             probe.node();
-            // SAFETY: the caller's, or what came out of a node, and no leaf.
-            let node = unsafe { arrays.node(child) };
+            // SAFETY: the caller's, or a child of a node; and no leaf.
+            let node = unsafe { tree.node(child) };
             if let Some(next) = ray.enter(node, limit, &mut pending) {
                 child = next;
                 continue;

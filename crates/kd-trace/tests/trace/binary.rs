@@ -3,7 +3,7 @@
 use glam::Vec3;
 use kd_core::{Axis, Mesh, Ray};
 use kd_trace::kit::{BinaryNode, BinaryTree};
-use kd_trace::{Level, WideTree, brute_force};
+use kd_trace::{Level, RayQuery, WideTree, brute_force};
 
 use crate::check::source;
 use crate::rng::Rng;

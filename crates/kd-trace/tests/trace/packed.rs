@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use kd_core::{CostModel, Mesh, Node, Pair, Ray, Slot, Tree};
-use kd_trace::{PackedTree, intersect_counted};
+use kd_trace::{CountedQuery, PackedTree, intersect_counted};
 
 use crate::check::{Subject, check, source};
 use crate::rng::Rng;

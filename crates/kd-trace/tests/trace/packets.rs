@@ -3,7 +3,7 @@
 use glam::Vec3;
 use kd_core::{Mesh, Ray, RayPacket8};
 use kd_sah::{BuildOptions, build};
-use kd_trace::{PackedTree, WideTree, brute_force};
+use kd_trace::{PackedTree, RayQuery, WideTree, brute_force};
 
 use crate::check::{self, Subject, source};
 use crate::rng::Rng;

@@ -4,7 +4,7 @@
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
 use kd_sah::{BuildOptions, build};
-use kd_trace::{Level, WideTree, brute_force};
+use kd_trace::{Level, RayQuery, WideTree, brute_force};
 
 use crate::check::source;
 use crate::rng::Rng;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use kd_core::{Arena, CostModel, Node, Pair, Ray, Slot, Tree};
 use kd_sah::{BuildOptions, build};
-use kd_trace::WideTree;
+use kd_trace::{CountedQuery, RayQuery, WideTree};
 
 use crate::check::{Subject, check, source};
 use crate::rng::Rng;
@@ -43,7 +43,6 @@ fn what_cannot_be_divided_is_dealt_out() {
 }
 
 /// Enough triangles for several tasks, and planes above a cell of them.
-#[cfg(feature = "parallel")]
 #[test]
 fn threads_do_not_show() {
     let mut field = Soup::default();

@@ -112,7 +112,7 @@ impl PartGroup {
                 });
             }
         }
-        self.forest.refit_parts(&refits, is_parallel);
+        self.forest.refit_all(&refits, is_parallel);
     }
 
     /// Removes all parts from `number` on, and returns those of them that are wanted.

@@ -1,7 +1,7 @@
 //! Blocks of triangles.
 //!
-//! Fused multiply-adds are used where something is only rejected. What is a hit, and where, is computed without them, step
-//! by step as in [`TriangleTest`](crate::triangle::TriangleTest), so that answers are the same to the bit.
+//! The early rejection uses fused multiply-adds and its own, closer bound. The [decision](crate::decision) is that of all
+//! traversals.
 #![allow(
     clippy::multiple_unsafe_ops_per_block,
     reason = "nearly every line is an instruction, or an address and a load; each block says what makes it safe"
@@ -11,16 +11,17 @@ use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
 use kd_core::{Hit, Ray};
+use kd_simd::{Avx2, Simd as _, Triple as _};
+use kd_wide::{Block, WIDTH};
 
 use super::ROW;
-use crate::block::Block;
 use crate::collect::Collect;
+use crate::decision::View;
 use crate::planes::PER_STEP;
 use crate::probe::Probe;
-use crate::triangle::{BLUR, LEAST_SHARE, MOST_REACH, SLOPE};
-use crate::wide::node::WIDTH;
+use crate::triangle::{BLUR, MOST_REACH, SLOPE};
 
-/// What triangles are asked with. Three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
+/// A ray, prepared for blocks. The three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
 /// and along.
 pub(super) struct Avx2Test {
     origin: [f32; 4],
@@ -28,18 +29,18 @@ pub(super) struct Avx2Test {
     shear: [f32; 4],
     /// Byte offsets of rows of a corner.
     rows: [usize; 3],
-    /// Of the bound of edge functions.
+    /// The slope of the bound of edge functions.
     slope: f32,
     least: f32,
-    /// Units along per step, its size.
+    /// Absolute units along per step.
     per_step: f32,
-    /// What `t` may lose where it underflows, along.
+    /// The largest error of `t` by underflow, along.
     slack: f32,
-    /// -0.0 where the ray goes up along, for coordinates that are turned round.
+    /// -0.0 for a ray with a positive direction along, whose coordinates are negated.
     turn: f32,
     /// Where the ray starts, in steps.
     start: f32,
-    /// No triangle is further away along.
+    /// The largest distance of a triangle along.
     farthest: f32,
     t_min: f32,
     t_max: f32,
@@ -50,15 +51,15 @@ pub(super) struct Avx2Test {
 /// Lanes of a block.
 #[derive(Clone, Copy)]
 struct Candidates {
-    /// Those that may be hit.
+    /// Lanes that may be hit.
     lanes: u32,
-    /// Whether one of them surely is.
+    /// Whether one of them is surely hit.
     is_one_sure: bool,
 }
 
 impl Avx2Test {
-    /// From the ray, its origin, and its direction as it is and in steps; the reach of the triangles; and how many steps
-    /// `t = 1` is.
+    /// From the ray; its origin, its direction, and its direction in steps; the reach of the triangles; and the steps per unit of
+    /// `t`.
     ///
     /// # Safety
     ///
@@ -72,7 +73,7 @@ impl Avx2Test {
     ) -> Self {
         /// The axis of the largest size, the first among equals, by whether x < y, y < z and x < z.
         const ALONG: [usize; 8] = [0, 1, 0, 2, 1, 1, 2, 2];
-        /// Both axes across, and along.
+        /// By axis along: both axes across, and along.
         const AXES: [[i32; 4]; 3] = [[1, 2, 0, 3], [2, 0, 1, 3], [0, 1, 2, 3]];
         // SAFETY: the caller's, and loads and stores of four numbers at arrays of four.
         unsafe {
@@ -122,6 +123,7 @@ impl Avx2Test {
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 pub(super) fn visit<C: Collect, P: Probe>(
+    simd: Avx2,
     test: &Avx2Test,
     blocks: &[Block],
     limit: f32,
@@ -140,7 +142,7 @@ pub(super) fn visit<C: Collect, P: Probe>(
             let lane = lanes.trailing_zeros() as usize % WIDTH;
             lanes &= lanes - 1;
             probe.decision();
-            if let Some(hit) = decide(test, block, lane) {
+            if let Some(hit) = decide(simd, test, block, lane) {
                 collector.take(hit)?;
             }
         }
@@ -148,14 +150,14 @@ pub(super) fn visit<C: Collect, P: Probe>(
     ControlFlow::Continue(())
 }
 
-/// The lanes that [`TriangleTest::certainly_misses`](crate::triangle::TriangleTest::certainly_misses) would not reject, and
-/// whose hit may lie between the ends of the ray.
+/// The lanes that [`TriangleTest::certainly_misses`](crate::triangle::TriangleTest::certainly_misses) does not reject, and whose hit
+/// may be between the ends of the ray.
 ///
 /// The first part is the same computation, with fused multiply-adds, which only makes its errors smaller.
 ///
-/// The second takes the few lanes that are left, with a closer bound: all coordinates of a corner, from the origin, are at
-/// most L = M + Z, the largest sheared coordinate and the largest one along, so that L stands in place of the reach R. There
-/// the errors are: uL moving a corner, uZ and uZ of the shear and its product's factor, uM rounding it, and u/4 M of the
+/// The second part tests the few remaining lanes by a closer bound: all coordinates of a corner, from the origin, are at
+/// most L = M + Z, the largest sheared coordinate and the largest one along, so that L replaces the reach R. The errors are:
+/// uL moving a corner, uZ and uZ of the shear and its product's factor, uM rounding it, and u/4 M of the
 /// rounding to 26 bits that decides: 4uL and a little for e. Then 4uM² + 4eM + 2e² ≤ 20uLM and a little; the bound B here is
 /// twice that, 40uL (M + 8uL).
 ///
@@ -178,7 +180,7 @@ fn candidates<C: Collect>(test: &Avx2Test, block: &Block, limit: f32) -> Candida
     let bound = _mm256_fmadd_ps(_mm256_set1_ps(test.slope), size, _mm256_set1_ps(test.least));
     let least = _mm256_min_ps(_mm256_min_ps(u, v), w);
     let most = _mm256_max_ps(_mm256_max_ps(u, v), w);
-    // False for NaN, which is where there is no triangle, or where the filter is off.
+    // False for NaN: in lanes without a triangle, or where the filter is off.
     let above = _mm256_cmp_ps::<_CMP_GE_OQ>(least, minus(bound));
     let below = _mm256_cmp_ps::<_CMP_LE_OQ>(most, bound);
     let keep = _mm256_castsi256_ps(_mm256_set1_epi32(test.keep.cast_signed()));
@@ -210,7 +212,7 @@ fn candidates<C: Collect>(test: &Avx2Test, block: &Block, limit: f32) -> Candida
     let limit = (limit * test.per_step).min(test.farthest);
     let before = _mm256_fmsub_ps(_mm256_set1_ps(start), area, t);
     let beyond = _mm256_fnmadd_ps(_mm256_set1_ps(limit), area, t);
-    // What may underflow here is less than the last term.
+    // Underflow here is less than the last term.
     let underflow = _mm256_fmadd_ps(
         area,
         _mm256_set1_ps(test.slack),
@@ -244,7 +246,7 @@ fn candidates<C: Collect>(test: &Avx2Test, block: &Block, limit: f32) -> Candida
     }
 }
 
-/// A corner of eight triangles, turned round: the origin from there, across, and how far along.
+/// A corner of eight triangles, negated: from the corner to the origin, across and along.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 fn sheared(test: &Avx2Test, corner: &[[f32; WIDTH]; 3]) -> ([__m256; 2], __m256) {
@@ -266,121 +268,25 @@ fn edge(p: [__m256; 2], q: [__m256; 2]) -> __m256 {
     _mm256_fmsub_ps(p[0], q[1], _mm256_mul_ps(p[1], q[0]))
 }
 
-/// [`TriangleTest::decide`](crate::triangle::TriangleTest::decide), with the three corners side by side.
+/// The decision for one triangle, with its three corners in a register.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-#[allow(clippy::cast_possible_truncation, reason = "a hit has f32 values")]
-fn decide(test: &Avx2Test, block: &Block, lane: usize) -> Option<Hit> {
-    let in_all = |x: f32| _mm256_set1_pd(x.into());
+fn decide(simd: Avx2, test: &Avx2Test, block: &Block, lane: usize) -> Option<Hit> {
     let from_origin = |axis: usize| {
-        let [a, b, c] = block.corners.each_ref().map(|rows| {
+        let corners = block.corners.each_ref().map(|rows| {
             let base: *const u8 = (&raw const *rows).cast();
             // SAFETY: the offset of a row of the corner.
             let row = unsafe { &*base.add(test.rows[axis]).cast::<[f32; WIDTH]>() };
             row[lane]
         });
-        let corners = _mm256_cvtps_pd(_mm_setr_ps(a, b, c, 0.0));
-        _mm256_sub_pd(corners, in_all(test.origin[axis]))
+        simd.triple(corners).minus(test.origin[axis].into())
     };
+    let corners = [from_origin(0), from_origin(1), from_origin(2)];
     let [dx, dy, along, _] = test.direction;
-    let slopes = _mm256_div_pd(
-        _mm256_cvtps_pd(_mm_setr_ps(dx, dy, 1.0, 1.0)),
-        in_all(along),
-    );
-    let shear_x = _mm256_permute4x64_pd::<0b00_00_00_00>(slopes);
-    let shear_y = _mm256_permute4x64_pd::<0b01_01_01_01>(slopes);
-    let scale = _mm256_permute4x64_pd::<0b10_10_10_10>(slopes);
-    let z = from_origin(2);
-    let x = _mm256_sub_pd(from_origin(0), _mm256_mul_pd(shear_x, z));
-    let y = _mm256_sub_pd(from_origin(1), _mm256_mul_pd(shear_y, z));
-    let t = _mm256_mul_pd(scale, z);
-
-    let rounded = weights(to_26_bits(x), to_26_bits(y));
-    if !are_inside(rounded) {
-        return None;
-    }
-    let finer = weights(x, y);
-    let away = |x: __m256d| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x);
-    let [size_a, size_b, size_c] = three(_mm256_max_pd(away(x), away(y)));
-    let larger = |a: f64, b: f64| if a > b { a } else { b };
-    let size = larger(larger(size_a, size_b), size_c);
-    let is_sound = sum(finer).abs() >= LEAST_SHARE * size * size;
-    let weights = if is_sound && are_inside(finer) {
-        finer
-    } else {
-        rounded
+    let [shear_x, shear_y, scale] = simd.triple([dx, dy, 1.0]).over(along.into());
+    let view = View {
+        shear: [shear_x, shear_y],
+        scale,
     };
-    let [_, b, c] = three(weights);
-    let [t_a, t_b, t_c] = three(_mm256_mul_pd(weights, t));
-    let quotients = _mm256_div_pd(
-        _mm256_setr_pd(t_a + t_b + t_c, b, c, 0.0),
-        _mm256_set1_pd(sum(weights)),
-    );
-    // Adding zero turns -0.0 into 0.0.
-    let [t, u, v] = three(quotients).map(|quotient| quotient as f32 + 0.0);
-    let hit = Hit {
-        t,
-        u,
-        v,
-        triangle: block.triangles[lane],
-    };
-    (t.is_finite() && test.t_min <= t && t <= test.t_max).then_some(hit)
-}
-
-/// The first three of four.
-#[target_feature(enable = "avx2,fma")]
-#[inline]
-fn three(x: __m256d) -> [f64; 3] {
-    let low = _mm256_castpd256_pd128(x);
-    let high = _mm256_extractf128_pd::<1>(x);
-    [
-        _mm_cvtsd_f64(low),
-        _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)),
-        _mm_cvtsd_f64(high),
-    ]
-}
-
-#[target_feature(enable = "avx2,fma")]
-#[inline]
-fn sum(x: __m256d) -> f64 {
-    let [a, b, c] = three(x);
-    a + b + c
-}
-
-#[target_feature(enable = "avx2,fma")]
-#[inline]
-fn to_26_bits(x: __m256d) -> __m256d {
-    const DROPPED: u32 = f64::MANTISSA_DIGITS - 26;
-    let half = _mm256_set1_epi64x(1 << (DROPPED - 1));
-    let kept = _mm256_set1_epi64x(-1 << DROPPED);
-    _mm256_castsi256_pd(_mm256_and_si256(
-        _mm256_add_epi64(_mm256_castpd_si256(x), half),
-        kept,
-    ))
-}
-
-/// Of corners a, b and c: the edge functions of c and b, a and c, b and a.
-#[target_feature(enable = "avx2,fma")]
-#[inline]
-fn weights(x: __m256d, y: __m256d) -> __m256d {
-    const C_A_B: i32 = 0b11_01_00_10;
-    const B_C_A: i32 = 0b11_00_10_01;
-    let left = _mm256_mul_pd(
-        _mm256_permute4x64_pd::<C_A_B>(x),
-        _mm256_permute4x64_pd::<B_C_A>(y),
-    );
-    let right = _mm256_mul_pd(
-        _mm256_permute4x64_pd::<C_A_B>(y),
-        _mm256_permute4x64_pd::<B_C_A>(x),
-    );
-    _mm256_sub_pd(left, right)
-}
-
-#[target_feature(enable = "avx2,fma")]
-#[inline]
-fn are_inside(weights: __m256d) -> bool {
-    let zero = _mm256_setzero_pd();
-    let above = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_GE_OQ>(weights, zero)) & 0b111;
-    let below = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(weights, zero)) & 0b111;
-    ((above == 0b111) | (below == 0b111)) && sum(weights) != 0.0
+    view.hit(corners, [test.t_min, test.t_max], block.triangles[lane])
 }

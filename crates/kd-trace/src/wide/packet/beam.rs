@@ -1,33 +1,32 @@
-//! What bounds a group of rays as a whole, and which boxes it may meet: eight boxes at a time.
+//! The beam: intervals around a group of rays, tested against eight boxes at a time.
 //!
-//! Origins and inverse directions are intervals on each axis, and where the rays cross a face is their product. (S. Boulos,
+//! Origins and inverse directions are intervals on each axis. The rays cross a face within the product of the two. (S. Boulos,
 //! I. Wald, P. Shirley, *Geometric and Arithmetic Culling Methods for Entire Ray Packets*, 2006.) Each end of it is computed
-//! like the crossing of a ray, `(s - o) / d`, with its error, so the [bound](crate::planes) is that of a ray, for the widest
-//! there is in the group.
+//! like the crossing of a ray, `(s - o) / d`, with its error, so the [bound](crate::planes) is the widest of all rays in the
+//! group.
 
 use kd_core::RayPacket8;
+use kd_simd::{LANES, Number, Simd};
+use kd_wide::{Block, WideNode};
 
 use super::slabs::{Slabs, in_memory};
-use crate::block::Block;
-use crate::lanes::{LANES, Number, Simd};
-use crate::wide::node::WideNode;
 
-/// A group of rays.
+/// Intervals around a group of rays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Beam {
-    /// Where the ray starts that is first, or last, to cross a face.
+    /// The origins of the first and the last ray to cross a face.
     first: [f32; 3],
     last: [f32; 3],
     /// The ends of the interval of `t` per unit of each axis.
     inverse: [[f32; 3]; 2],
     pad: [f32; 3],
-    /// Which face is entered through.
+    /// The near face: 0 for the lower one, 1 for the upper.
     near: [usize; 3],
     start: f32,
 }
 
 impl Beam {
-    /// Around some lanes of a packet, of which there are some.
+    /// Around some lanes of a packet, at least one.
     #[inline(always)]
     pub(super) fn new<S: Simd>(
         simd: S,
@@ -73,7 +72,7 @@ impl Beam {
         }
     }
 
-    /// Which of eight boxes rays that end at `limit` or before may meet.
+    /// The boxes that rays which end at `limit` or before may meet.
     #[inline(always)]
     pub(super) fn meets<S: Simd, B: Boxes<S>>(
         &self,
@@ -102,7 +101,7 @@ pub(super) trait Boxes<S: Simd> {
     fn face(&self, simd: S, axis: usize, side: usize) -> S::F32;
 }
 
-/// Those of the children.
+/// The boxes of the children.
 impl<S: Simd> Boxes<S> for WideNode {
     #[inline(always)]
     fn face(&self, simd: S, axis: usize, side: usize) -> S::F32 {
@@ -110,7 +109,7 @@ impl<S: Simd> Boxes<S> for WideNode {
     }
 }
 
-/// Those around each triangle.
+/// The boxes around each triangle.
 impl<S: Simd> Boxes<S> for Block {
     #[inline(always)]
     fn face(&self, simd: S, axis: usize, side: usize) -> S::F32 {

@@ -1,29 +1,29 @@
-//! Where eight rays cross the faces of boxes: the bound of [`planes`](crate::planes), for rays of one octant.
+//! Slabs: where eight rays of one octant cross the faces of boxes, with the bound of [`planes`](crate::planes).
 
 use kd_core::RayPacket8;
+use kd_simd::{F32x8, LANES, Simd};
+use kd_wide::WideNode;
 
-use crate::lanes::{F32x8, LANES, Simd};
 use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE};
-use crate::wide::node::WideNode;
 
-/// Eight rays that go the same way on every axis. Distances are in `t`.
+/// Eight rays with the same signs of direction. Distances are in `t`.
 pub(super) struct Slabs<F> {
     /// `t` per unit of each axis.
     inverse: [F; 3],
     /// The bound.
     pad: [F; 3],
-    /// What to add for a face that is entered through: minus the origin's, less the bound.
+    /// Added for a near face: minus the origin's distance, minus the bound.
     enter: [F; 3],
-    /// What to add for a face that is left through: minus the origin's, and the bound.
+    /// Added for a far face: minus the origin's distance, plus the bound.
     exit: [F; 3],
     start: F,
-    /// Which face is entered through: 0 for the lower one, 1 for the upper.
+    /// The near face: 0 for the lower one, 1 for the upper.
     near: [usize; 3],
     reach: F,
 }
 
 impl<F: F32x8> Slabs<F> {
-    /// Of rays of usual sizes, those in lanes that count: what is computed for others means nothing.
+    /// For rays within the [limits](super::super::limits). Other lanes hold meaningless values.
     #[inline(always)]
     pub(super) fn new<S: Simd<F32 = F>>(
         simd: S,
@@ -92,13 +92,13 @@ impl<F: F32x8> Slabs<F> {
         [in_memory(x), in_memory(y), in_memory(z)]
     }
 
-    /// Where the rays start.
+    /// The begins of the rays.
     #[inline(always)]
     pub(super) fn starts(&self) -> [f32; LANES] {
         in_memory(self.start)
     }
 
-    /// Where the rays enter a child's box, and where they leave it.
+    /// The distances at which the rays enter and leave a child's box.
     #[inline(always)]
     pub(super) fn span<S: Simd<F32 = F>>(&self, simd: S, node: &WideNode, lane: usize) -> (F, F) {
         let (mut enters, mut leaves) = (self.start, simd.splat(f32::INFINITY));

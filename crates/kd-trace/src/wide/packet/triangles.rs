@@ -1,26 +1,26 @@
-//! Eight rays and the triangles of a block, one after the other.
+//! Eight rays and the triangles of a block, one after another.
 //!
-//! [`TriangleTest`](crate::triangle::TriangleTest) for eight rays: f32 rejects, by the same bound, and what is left is
-//! [decided](crate::wide::decide).
+//! [`TriangleTest`](crate::triangle::TriangleTest) for eight rays: f32 rejects by the same bound, and the remaining rays are
+//! [decided](crate::wide::eight).
 
 use kd_core::RayPacket8;
+use kd_simd::{F32x8, Mask, Number, Simd, max_lane};
+use kd_wide::Block;
 
 use super::beam::Beam;
 use super::{Bits, Found};
-use crate::block::Block;
 use crate::collect::Collect;
-use crate::lanes::{F32x8, Mask, Number, Simd, most};
 use crate::triangle::{BLUR, SLOPE};
-use crate::wide::decide::{Place, Rays, decide};
+use crate::wide::eight::{BlockLane, Rays, decide};
 
-/// Eight rays that move most on the same axis.
+/// Eight rays whose directions are largest on the same axis.
 pub(super) struct Triangles<'a, F> {
     rays: Rays<'a>,
     /// Across, across and along, as in `rays`.
     origin: [F; 3],
-    /// Back across per step along.
+    /// Negated steps across per step along.
     shear: [F; 2],
-    /// Of the bound of edge functions.
+    /// The slope of the bound of edge functions.
     slope: F,
     blur: F,
 }
@@ -63,13 +63,13 @@ impl<'a, F: F32x8> Triangles<'a, F> {
         lanes: u32,
         found: &mut Found<C>,
     ) {
-        // Where there is no triangle, there are NaN, which are met.
+        // Lanes without a triangle hold NaN, which are met.
         let there = (1_u32 << block.count()) - 1;
-        let met = beam.meets(simd, block, most(&found.limits)).bits() & there;
+        let met = beam.meets(simd, block, max_lane(&found.limits)).bits() & there;
         for lane in Bits(met) {
             let may_hit = self.may_hit(simd, block, lane) & lanes;
             if may_hit != 0 {
-                let place = Place { block, lane };
+                let place = BlockLane { block, lane };
                 let decided = decide(simd, &self.rays, place);
                 for ray in Bits(decided.is_hit & may_hit) {
                     found.take(ray, decided.hit(ray, place.triangle()));
@@ -94,7 +94,7 @@ impl<'a, F: F32x8> Triangles<'a, F> {
         is_inside.bits()
     }
 
-    /// A corner as the rays see it, across.
+    /// A corner as the rays see it: its coordinates across.
     #[inline(always)]
     fn corner<S: Simd<F32 = F>>(
         &self,

@@ -1,4 +1,4 @@
-//! Rays of a tile that go on one by one, where they part.
+//! Rays of a tile that go on one by one, where they diverge.
 //!
 //! (After C. Benthin, I. Wald, S. Woop, M. Ernst, W. R. Mark, *Combining Single and Packet-Ray Tracing for Arbitrary Ray
 //! Distributions on the Intel MIC Architecture*, 2012.)
@@ -6,33 +6,33 @@
 use kd_core::Ray;
 
 use super::RAYS;
+use crate::dispatch::TraceSimd;
+use crate::planes::Frame;
 
-/// Work from which on a tile looks whether it pays: more than that of rays that stay together.
+/// Work after which a tile checks how many rays meet a box: more than coherent rays need.
 const PATIENCE: u32 = 48;
 
-/// What a ray takes that goes on alone.
+/// The work of a ray that goes on alone.
 const WALK: u32 = 2;
 
 /// The rays of a tile, each prepared when it is first needed.
-pub(super) struct Alone<R, F> {
-    prepare: F,
-    rays: Vec<Option<R>>,
+pub(super) struct Alone<S: TraceSimd> {
+    rays: Vec<Option<S::Ray>>,
     /// A bit for each ray that is prepared.
     ready: u64,
-    /// What the tile has done, roughly in boxes that groups were tested against.
+    /// The work of the tile, roughly in boxes tested against a group.
     work: u32,
-    /// How much of it there was at the beginning: as if more had been done, where the last tile was wary.
+    /// The initial work: above 0 after a tile that was wary.
     begin: u32,
-    /// How often a ray of the tile went on alone.
+    /// The number of times a ray of the tile went on alone.
     walks: u32,
-    /// What the last tile took, in the same unit.
+    /// The effort of the last tile, in the same unit.
     effort: u32,
 }
 
-impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
-    pub(super) fn new(prepare: F) -> Self {
+impl<S: TraceSimd> Alone<S> {
+    pub(super) fn new() -> Self {
         Self {
-            prepare,
             rays: Vec::new(),
             ready: 0,
             work: 0,
@@ -42,7 +42,7 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
         }
     }
 
-    /// A new tile.
+    /// Begins a tile.
     #[inline(always)]
     pub(super) fn begin(&mut self) {
         self.ready = 0;
@@ -50,7 +50,7 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
         self.walks = 0;
     }
 
-    /// The tile is done.
+    /// Ends a tile.
     #[inline(always)]
     pub(super) fn end(&mut self) {
         self.effort = self.work - self.begin + WALK * self.walks;
@@ -61,13 +61,13 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
         };
     }
 
-    /// What the last tile took, roughly in boxes that groups were tested against.
+    /// The effort of the last tile, roughly in boxes tested against a group.
     pub(super) fn effort(&self) -> u32 {
         self.effort
     }
 
-    /// The next tile is wary sooner.
-    pub(super) fn expect_parting(&mut self) {
+    /// Makes the next tile wary sooner.
+    pub(super) fn expect_divergence(&mut self) {
         self.begin = PATIENCE / 2;
     }
 
@@ -76,7 +76,7 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
         self.work += amount;
     }
 
-    /// Whether it is to be seen how many rays meet a box.
+    /// Whether to check how many rays meet a box.
     #[inline(always)]
     pub(super) fn is_wary(&mut self) -> bool {
         self.work += 1;
@@ -85,14 +85,20 @@ impl<R, F: Fn(&Ray) -> Option<R>> Alone<R, F> {
 
     /// One of the rays of the tile; `None` if it cannot hit anything.
     #[inline(always)]
-    pub(super) fn ray(&mut self, number: usize, rays: &[Ray]) -> Option<&R> {
+    pub(super) fn ray(
+        &mut self,
+        simd: S,
+        number: usize,
+        rays: &[Ray],
+        frame: &Frame,
+    ) -> Option<&S::Ray> {
         self.walks += 1;
         if self.rays.is_empty() {
             self.rays.resize_with(RAYS, || None);
         }
         if self.ready >> number & 1 == 0 {
             self.ready |= 1 << number;
-            self.rays[number] = (self.prepare)(&rays[number]);
+            self.rays[number] = simd.prepare(&rays[number], frame);
         }
         self.rays[number].as_ref()
     }

@@ -1,23 +1,24 @@
-//! What bounds rays that go much the same way, and which boxes it meets.
+//! Frusta around coherent rays, and the boxes that they meet.
 //!
-//! Depth z is measured from a point, the apex, along the axis on which the rays move most, so that no ray goes backwards and
-//! no slope across is steeper than 1: there is nothing to invert, and a ray that is parallel to an axis is like any other.
-//! Across, the lowest of some rays is a concave function of the depth, and so nowhere below the line between its values at
+//! Depth z is measured from a point, the apex, along the axis of the largest components of the directions, so that depth
+//! increases along every ray, and no slope across exceeds 1. Nothing is inverted, and rays parallel to an axis need no special
+//! case. Across, the lowest of some rays is a concave function of the depth, and so nowhere below the line between its values at
 //! two depths: each side of a frustum is such a line. Within a box, between the depths of its near and its far face, the
-//! rays are above the lower of the line's values there. Which one that is depends on the sign of its slope: so slopes are
-//! kept in two parts, of which one is zero.
+//! rays are above the smaller of the line's values there. The sign of the slope determines which one that is: so slopes are
+//! stored as two numbers, of which one is zero.
 //!
 //! The bound of [`planes`](crate::planes) is on distances between faces and hits, times `|1/d|`, so here faces are moved by
-//! the distances alone. What is different is what rounds: places and slopes of lines, their products with a depth, and sums
+//! the distances alone. The rounded quantities differ: places and slopes of lines, their products with a depth, and sums
 //! with the apex's coordinate, each by u = 2⁻²⁴. Where a product is more than twice the largest distance Q between the apex
-//! and a face, the answer is right whatever it is rounded to; elsewhere all of it is below 16 u (Q + P) + 8 u A, with the
+//! and a face, the answer is right for any rounding; elsewhere the sum of errors is below 16 u (Q + P) + 8 u A, with the
 //! apex's coordinate A, and P for the largest distance between the apex and a ray's start, and between it and the place where
 //! the ray is at depth 0. Twice that is added.
 
+use kd_simd::{F32x8, LANES, Number, Simd};
+use kd_wide::WideNode;
+
 use super::leaf::View;
-use crate::lanes::{F32x8, LANES, Number, Simd};
 use crate::planes::{Frame, PER_REACH};
-use crate::wide::node::WideNode;
 
 /// 2⁻¹⁹, of distances.
 const PER_DISTANCE: f32 = 1.0 / (1 << 19) as f32;
@@ -27,20 +28,20 @@ const PER_COORDINATE: f32 = 1.0 / (1 << 20) as f32;
 /// 2⁻¹⁰⁰.
 const LEAST_DEPTH: f32 = f32::from_bits((127 - 100) << 23);
 
-/// Where depth is 0, in the order across, across, along.
+/// The point of depth 0, in the order across, across, along.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Apex {
     pub(super) at: [f32; 3],
-    /// 1 where depth grows with the coordinate, or -1.
+    /// 1 if depth increases with the coordinate, otherwise -1.
     pub(super) sign: f32,
-    /// How far faces are moved.
+    /// The distance by which faces are moved.
     pad: [f32; 3],
-    /// No box is deeper.
+    /// The largest depth of a box.
     pub(super) deepest: f32,
 }
 
 impl Apex {
-    /// `axes` are its axes, `apart` how far from it rays start or pass.
+    /// `axes` are its axes; `apart` is the largest distance from it of an origin, or of a ray at depth 0.
     pub(super) fn new(
         at: [f32; 3],
         sign: f32,
@@ -66,19 +67,19 @@ impl Apex {
             at,
             sign,
             pad,
-            // Above zero, so that slopes can be told from it.
+            // Above zero: slopes are quotients by it.
             deepest: (sign * (last[axes[2]] - at[2]) + pad[2]).max(LEAST_DEPTH),
         }
     }
 
-    /// Which faces are near and which far.
+    /// The near and the far faces.
     #[inline(always)]
     fn sides(&self) -> [usize; 2] {
         if self.sign < 0.0 { [1, 0] } else { [0, 1] }
     }
 }
 
-/// Where some rays are across at most, by depth, and the depths between which they count.
+/// Bounds of some rays across, by depth, and the depths between which they count.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frustum<F> {
     lo: [Line<F>; 2],
@@ -87,7 +88,7 @@ pub(super) struct Frustum<F> {
     pub(super) limit: F,
 }
 
-/// A place that changes with depth.
+/// A coordinate that is linear in depth.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line<F> {
     /// At depth 0.
@@ -143,8 +144,8 @@ impl Line<[f32; LANES]> {
 
 /// Eight frusta side by side.
 impl Frustum<[f32; LANES]> {
-    /// Those of rays that are across, from the apex, between the first of two numbers and the second: at depth 0, and how
-    /// that changes with depth.
+    /// Sets the bounds across one axis, from the apex: the least and the largest coordinate at depth 0, and the slopes of the
+    /// two.
     #[inline(always)]
     pub(super) fn set<S: Simd>(
         &mut self,
@@ -160,7 +161,7 @@ impl Frustum<[f32; LANES]> {
         Line::new(simd, hi, slope[1]).store(simd, &mut self.hi[axis]);
     }
 
-    /// One of them, in all lanes.
+    /// The frustum of one lane, in all lanes.
     #[inline(always)]
     pub(super) fn splat<S: Simd>(&self, simd: S, lane: usize) -> Frustum<S::F32> {
         let ([lo_x, lo_y], [hi_x, hi_y]) = (&self.lo, &self.hi);
@@ -189,7 +190,7 @@ impl Frustum<[f32; LANES]> {
 pub(super) struct Boxes<F> {
     min: [F; 2],
     max: [F; 2],
-    /// The faces through which rays enter and leave along.
+    /// The near and the far faces along.
     near: F,
     far: F,
 }
@@ -208,7 +209,7 @@ impl<F> Boxes<F> {
         }
     }
 
-    /// The box of one of them, in all lanes.
+    /// The box of one child, in all lanes.
     #[inline(always)]
     pub(super) fn of_child<S: Simd<F32 = F>>(
         simd: S,
@@ -240,7 +241,7 @@ fn depths<S: Simd>(simd: S, apex: &Apex, boxes: &Boxes<S::F32>) -> (S::F32, S::F
     )
 }
 
-/// Which boxes the frusta may meet, and from which depth on: one frustum and eight boxes, or one box and eight frusta.
+/// The boxes that the frusta may meet, and from which depth on: one frustum and eight boxes, or one box and eight frusta.
 #[inline(always)]
 pub(super) fn meet<S: Simd>(
     simd: S,
@@ -260,8 +261,8 @@ pub(super) fn meet<S: Simd>(
     (is_met, near)
 }
 
-/// Which of eight rays may meet a box, from where they are across at depth 0, from the apex, their slopes, and between which
-/// depths they count.
+/// The rays of eight that may meet a box, from their coordinates across at depth 0, from the apex, their slopes, and the depths
+/// between which they count.
 #[inline(always)]
 pub(super) fn meet_each<S: Simd>(
     simd: S,

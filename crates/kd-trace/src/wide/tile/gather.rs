@@ -1,49 +1,48 @@
-//! Whether rays can be traced as a tile, and what they have in common.
+//! Gathers rays into a tile, if they are coherent: their views, slopes and frusta.
 //!
-//! Rays are read eight at a time and turned into lanes, a ray each. What groups have in common comes out of turning them once
-//! more: the same ray of every group side by side, so that the least of all is what is least of each group.
+//! Rays are read eight at a time and transposed into lanes, a ray each. The extremes of groups come from a second transposition,
+//! which puts the same ray of every group into one vector: the minimum of all vectors is the minimum of each group.
 
 use kd_core::{Axis, Ray};
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, Task, max_lane, min_lane};
 
 use super::frustum::Apex;
 use super::leaf::View;
 use super::{GROUPS, NOTHING, OVER, PerRay, RAYS, Tile};
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task, least, most};
 use crate::planes::Frame;
 use crate::triangle::steepest_axis;
-use crate::wide::usual::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION};
+use crate::wide::limits::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION};
 
-/// A little more than a number that has been rounded a few times.
+/// A factor that covers a few roundings.
 const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 const _: () = assert!(GROUPS == LANES, "a lane for each group");
 
-/// Rays that may be a tile.
-struct Gather<'a, S> {
-    simd: S,
+/// Rays that may form a tile.
+struct Gather<'a> {
     tile: &'a mut Tile,
     rays: &'a [Ray],
     most_spread: f32,
     frame: &'a Frame,
 }
 
-impl<S: Simd> Task for Gather<'_, S> {
-    /// Whether they are.
+impl<S: Simd> Task<S> for Gather<'_> {
+    /// Whether they do.
     type Output = bool;
 
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self, simd: S) -> bool {
         self.tile
-            .gather_with(self.simd, self.rays, self.most_spread, self.frame)
+            .gather_with(simd, self.rays, self.most_spread, self.frame)
     }
 }
 
 impl Tile {
-    /// Takes up to 64 rays; false if they are not alike enough.
+    /// Gathers up to 64 rays; false if they are not coherent.
     ///
-    /// What is asked: that they move most on the same axis, and the same way; that their slopes differ by no more than
-    /// `most_spread`, at most [`MOST_SPREAD`](super::leaf::MOST_SPREAD), from the central one; that they are finite and of usual sizes, with `t_min` of 0 or more. The frame
-    /// must [fit](crate::wide::usual::fits).
+    /// Conditions: their directions are largest on the same axis, with the same sign; their slopes differ by at most
+    /// `most_spread`, itself at most [`MOST_SPREAD`](super::leaf::MOST_SPREAD), from the central one; they are within the limits of
+    /// [`limits`](crate::wide::limits), with `t_min` of 0 or more. The frame must [fit](crate::wide::limits::fits).
     pub(super) fn gather<S: Simd>(
         &mut self,
         simd: S,
@@ -52,7 +51,6 @@ impl Tile {
         frame: &Frame,
     ) -> bool {
         simd.apart(Gather {
-            simd,
             tile: self,
             rays,
             most_spread,
@@ -147,8 +145,8 @@ impl Tile {
         true
     }
 
-    /// Reads slopes, ends and speeds; whether all rays start where the first one does. `None` if they do not go the same
-    /// way.
+    /// Reads slopes, ends and speeds. Returns whether all rays share one origin; `None` if their directions differ in axis or
+    /// sign.
     #[inline(always)]
     fn read<S: Simd>(
         &mut self,
@@ -173,7 +171,7 @@ impl Tile {
             let speed = columns[3 + axes[2]] * simd.splat(sign);
             let [from_x, from_y, from_z, _, _, _, t_min, t_max] = columns;
             let usual = simd.splat(MOST_COORDINATE);
-            // The last axis is the steepest one of all, and the first among equals.
+            // The last axis is the steepest axis of all rays, and the first among equals.
             let is_alike = simd.splat(LEAST_DIRECTION).le(speed)
                 & speed.le(simd.splat(MOST_DIRECTION))
                 & is_less(x, speed, axes[0] < axes[2])
@@ -205,7 +203,7 @@ impl Tile {
             t_min.store(&mut self.turned.t_min[group]);
             t_max.store(&mut self.turned.t_max[group]);
         }
-        // Groups without rays are like the last one that has some.
+        // Groups without rays copy the last group with rays.
         for group in count..GROUPS {
             let ([a, b, ..], [x, y, z]) = (&mut self.terms, &mut self.turned.origin);
             for rows in [a, b, x, y, z, &mut self.start, &mut self.limit] {
@@ -215,8 +213,8 @@ impl Tile {
         (masks != 0).then_some(is_apex)
     }
 
-    /// From where rays start, where they are at depth 0: which coordinate that is along, and how far from the apex they
-    /// start, or are there.
+    /// Chooses depth 0, and computes where rays are there. Returns its coordinate along, and the largest distance from the apex of a
+    /// ray's origin or of its point at depth 0.
     #[inline(always)]
     fn set_apart<S: Simd>(&mut self, simd: S, at: [f32; 3], sign: f32) -> (f32, f32) {
         let [x, y, along] = &self.turned.origin;
@@ -237,10 +235,10 @@ impl Tile {
         }
         let mut array = [0.0; LANES];
         apart.store(&mut array);
-        (nearest, most(&array))
+        (nearest, max_lane(&array))
     }
 
-    /// Frusta across one axis, between where rays are at depth 0 and at the deepest there is.
+    /// Frusta across one axis, between the points of the rays at depth 0 and at the largest depth.
     #[inline(always)]
     fn bound<S: Simd>(&mut self, simd: S, axis: usize) {
         let apex = self.view.apex;
@@ -278,7 +276,7 @@ impl Tile {
         radius.store(&mut self.ranges[term].radius);
     }
 
-    /// Depths where rays start and end, from their distances.
+    /// The depths at which rays begin and end, from their distances.
     #[inline(always)]
     fn set_ends<S: Simd>(&mut self, simd: S, count: usize) {
         for group in 0..GROUPS {
@@ -296,11 +294,11 @@ impl Tile {
         starts.least.store(&mut self.groups.start);
         limits.store(&mut self.groups.limit);
         self.whole.start = [starts.of_all()[0]; LANES];
-        self.whole.limit = [most(&self.groups.limit); LANES];
+        self.whole.limit = [max_lane(&self.groups.limit); LANES];
     }
 }
 
-/// The numbers of eight rays side by side: three of the origin, three of the direction, `t_min`, `t_max`.
+/// The components of eight rays, in lanes: three of the origin, three of the direction, `t_min`, `t_max`.
 #[inline(always)]
 fn columns<S: Simd>(simd: S, rays: &[Ray; LANES]) -> [S::F32; LANES] {
     let words = bytemuck::must_cast_ref::<[Ray; LANES], [[f32; 9]; LANES]>(rays);
@@ -323,7 +321,7 @@ fn first_eight(words: &[f32; 9]) -> &[f32; LANES] {
     words.first_chunk().expect("nine")
 }
 
-/// What is least and most of each group.
+/// The minimum and maximum of each group.
 #[derive(Clone, Copy, Debug)]
 struct Extremes<F> {
     least: F,
@@ -331,13 +329,13 @@ struct Extremes<F> {
 }
 
 impl<F: F32x8> Extremes<F> {
-    /// The least and the most of all.
+    /// The minimum and maximum of all groups.
     #[inline(always)]
     fn of_all(&self) -> [f32; 2] {
         let mut arrays = [[0.0; LANES]; 2];
         self.least.store(&mut arrays[0]);
         self.most.store(&mut arrays[1]);
-        [least(&arrays[0]), most(&arrays[1])]
+        [min_lane(&arrays[0]), max_lane(&arrays[1])]
     }
 }
 
@@ -356,7 +354,7 @@ fn extremes<S: Simd>(simd: S, of: &PerRay<f32>) -> Extremes<S::F32> {
     extremes
 }
 
-/// Whether sizes are less, or also whether they are equal.
+/// Whether absolute values are less, or less or equal if not `strictly`.
 #[inline(always)]
 fn is_less<N: Number>(x: N, than: N, strictly: bool) -> N::Mask {
     if strictly {
@@ -372,10 +370,10 @@ mod tests {
     use kd_core::Aabb;
 
     use super::*;
-    use crate::lanes::Portable;
-    use crate::wide::usual::fits;
+    use crate::wide::limits::fits;
+    use kd_simd::Portable;
 
-    /// Eight by eight rays; the first argument is where they are in the square, from -1 to 1.
+    /// Eight by eight rays; the argument is their position in a square from -1 to 1.
     fn square(ray: impl Fn(Vec3) -> Ray) -> Vec<Ray> {
         let at = |i: u8| f32::from(i) / 3.5 - 1.0;
         (0..64)
@@ -384,9 +382,9 @@ mod tests {
     }
 
     #[test]
-    fn rays_are_taken_if_they_are_alike() {
+    fn coherent_rays_are_gathered() {
         let frame = Frame::new(&Aabb::around([Vec3::splat(-9.0), Vec3::splat(9.0)]));
-        assert!(fits(&frame), "of usual size");
+        assert!(fits(&frame), "within the limits");
         let (eye, ahead) = (Vec3::new(0.1, 0.2, -5.0), Vec3::Z);
         let camera = square(|at| Ray::new(eye, ahead + 0.1 * at));
         let sun = square(|at| Ray::new(at, Vec3::new(0.1, 0.5, -1.0)));
@@ -406,11 +404,11 @@ mod tests {
         let wide = square(|at| Ray::new(eye, ahead + 0.3 * at));
         let mut tiles = vec![("on all sides", around), ("too far from each other", wide)];
         for (what, odd) in [
-            ("one that has no mask", camera[0].with_mask(0)),
-            ("one that is behind itself", camera[0].with_range(-1.0, 1.0)),
+            ("one without a mask", camera[0].with_mask(0)),
+            ("one with a negative t_min", camera[0].with_range(-1.0, 1.0)),
             ("one without a range", camera[0].with_range(1.0, 0.0)),
             ("one that is not finite", Ray::new([f32::NAN; 3], ahead)),
-            ("one that goes back", Ray::new(eye, -ahead)),
+            ("one in the opposite direction", Ray::new(eye, -ahead)),
             ("one that is very long", Ray::new(eye, 1e9 * ahead)),
         ] {
             let mut rays = camera.clone();

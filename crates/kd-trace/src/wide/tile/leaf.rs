@@ -1,4 +1,4 @@
-//! Triangles of a block, and rays that go much the same way.
+//! Coherent rays and the triangles of a block.
 //!
 //! Corners are moved to the apex and sheared along the tile's central ray, once for all rays. Seen from there, another ray
 //! is at (c + a z, d + b z) across at depth z, and a corner (x, y, z) is at (x - c - a z, y - d - b z) from it. In the edge
@@ -10,10 +10,10 @@
 //! ```
 //!
 //! six numbers for each edge, and five multiply-adds for each ray. (They are Plücker's coordinates, from a point and along a
-//! line nearby, so that they are small.) Where all rays start at the apex, c and d are zero, and two multiply-adds do.
+//! line nearby, so that they are small.) Where all rays start at the apex, c and d are zero, and two multiply-adds suffice.
 //!
-//! That bounds an edge function for a group at once. For each ray of such a group it is computed from where its corners are,
-//! since a ray near a small triangle is known better from there than from the apex.
+//! That bounds an edge function for a group at once. For each ray of such a group it is computed from the triangle's own
+//! corners, since that is more precise for a small triangle than the apex.
 //!
 //! # The bound
 //!
@@ -41,32 +41,33 @@
 //! more is allowed, and 12uL for rounding depths, the ray's ends, and the `t` that is reported. Nor is a hit nearer than the
 //! nearest corner, or farther than the farthest.
 
+use kd_simd::{F32x8, LANES, Mask, Number, Simd};
+use kd_wide::Block;
+
 use super::frustum::Apex;
-use crate::block::Block;
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd};
 
 /// Slopes of a tile's rays from its central one: as far as they can be on a side of the cube. (Of 64 rays of a side, 237 ns
 /// for 457 alone; within a quarter of it, 155 for 445. Mirrored rays in BART kitchen; throw-away
 /// program, 2026-11-28.)
 pub(super) const MOST_SPREAD: f32 = 1.0;
 
-/// Numbers that tell a ray from the central one: a, b, c, d, bc - ad.
+/// Numbers that describe a ray relative to the central one: a, b, c, d, bc - ad.
 pub(super) const TERMS: usize = 5;
-/// Those of rays that start at the apex: a, b.
+/// The numbers of rays that start at the apex: a, b.
 pub(super) const TERMS_FROM_APEX: usize = 2;
 
 const U: f32 = f32::EPSILON / 2.0;
 
-/// Eight triangles, seen from the apex.
+/// Eight triangles, prepared for a tile.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Edges {
-    /// By edge, opposite to corners a, b and c: the edge function of the central ray, and how it grows with each term.
+    /// By edge, opposite to corners a, b and c: the edge function of the central ray, and its growth with each term.
     center: [[f32; LANES]; 3],
     grow: [[[f32; LANES]; TERMS]; 3],
     /// Across, across, along.
     corners: [[[f32; LANES]; 3]; 3],
     normal: [[f32; LANES]; 3],
-    /// Depths of the nearest corner and the farthest.
+    /// The depths of the nearest and the farthest corner.
     nearest: [f32; LANES],
     farthest: [f32; LANES],
     /// The largest difference of corners.
@@ -79,7 +80,7 @@ pub(super) struct Edges {
     rounding: [f32; LANES],
 }
 
-/// How a tile looks at triangles.
+/// The view of a tile: its apex, axes and central ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct View {
     pub(super) apex: Apex,
@@ -89,15 +90,15 @@ pub(super) struct View {
     pub(super) slope: [f32; 2],
     /// The largest slope of another ray from there.
     pub(super) spread: f32,
-    /// How far from the apex the rays start, or pass: 0 where all start there.
+    /// The largest distance from the apex of an origin, or of a ray at depth 0: 0 if all rays start there.
     pub(super) apart: f32,
-    /// Which directions the central ray goes to, as in the orders of nodes.
+    /// The octant of the central ray, as in the orders of nodes.
     pub(super) octant: usize,
 }
 
-/// Looks at a block from the apex.
+/// Prepares a block for a tile.
 #[inline(always)]
-pub(super) fn look<S: Simd, const TERMS: usize>(
+pub(super) fn prepare<S: Simd, const TERMS: usize>(
     simd: S,
     view: &View,
     block: &Block,
@@ -164,7 +165,7 @@ pub(super) fn look<S: Simd, const TERMS: usize>(
     }
     let flat = normal[0].abs() + normal[1].abs();
     let both = across + along;
-    // What may underflow is less than the first term.
+    // Underflow is less than the first term.
     let tiny = both.mul_add(simd.splat(f32::MIN_POSITIVE), simd.splat(f32::MIN_POSITIVE));
     let cubed = (both * both * along).mul_add(simd.splat(128.0 * U), tiny);
     (error * simd.splat(4.0))
@@ -215,14 +216,14 @@ fn sheared<S: Simd>(simd: S, view: &View, [x, y, z]: [S::F32; 3]) -> [S::F32; 3]
     ]
 }
 
-/// A term of the rays of each group: the middle, and how far from there it is at most.
+/// The range of a term in each group: its middle and its radius.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Range {
     pub(super) middle: [f32; LANES],
     pub(super) radius: [f32; LANES],
 }
 
-/// The triangles that a group of rays may hit between two depths; a bit for each lane.
+/// The triangles that a group of rays may hit between two depths: a bit for each lane.
 #[inline(always)]
 pub(super) fn may_be_hit<S: Simd, const TERMS: usize>(
     simd: S,
@@ -236,7 +237,7 @@ pub(super) fn may_be_hit<S: Simd, const TERMS: usize>(
     let (least_b, most_b) = between::<S, TERMS>(simd, edges, 1, ranges, group, bound);
     let (least_c, most_c) = between::<S, TERMS>(simd, edges, 2, ranges, group, bound);
     let zero = simd.splat(0.0);
-    // False for NaN, which is where there is no triangle.
+    // False for NaN, in lanes without a triangle.
     let above = zero.le(most_a.min(most_b).min(most_c));
     let below = least_a.max(least_b).max(least_c).le(zero);
     let starts = simd.load(&edges.nearest).le(simd.splat(limit));
@@ -244,7 +245,7 @@ pub(super) fn may_be_hit<S: Simd, const TERMS: usize>(
     ((above | below) & starts & ends).bits()
 }
 
-/// Between which numbers an edge function is for the rays of a group.
+/// The bounds of an edge function for the rays of a group.
 #[inline(always)]
 fn between<S: Simd, const TERMS: usize>(
     simd: S,
@@ -263,14 +264,14 @@ fn between<S: Simd, const TERMS: usize>(
     (middle - radius, middle + radius)
 }
 
-/// What eight rays see of a triangle.
+/// A triangle as eight rays see it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight<F: Number> {
-    /// Those that may hit it between their ends.
+    /// Rays that may hit it between their ends.
     pub(super) may_hit: F::Mask,
-    /// Those that surely hit it, if it is between their ends.
+    /// Rays that surely hit it, if it is between their ends.
     pub(super) is_inside: F::Mask,
-    /// Where, at the nearest and the farthest.
+    /// The least and the largest depth of the hit.
     pub(super) nearest: F,
     pub(super) farthest: F,
 }
@@ -324,7 +325,7 @@ pub(super) fn sight<S: Simd, const TERMS: usize>(
         simd.splat(edges.bound_depth[lane]),
         simd.splat(edges.rounding[lane]),
     );
-    // What is NaN, of a triangle seen edge-on, is not known better than by its corners.
+    // The depth of a triangle seen edge-on is NaN: its corners bound it.
     let nearest = (depth - error).max(simd.splat(edges.nearest[lane]));
     let farthest = (depth + error).min(simd.splat(edges.farthest[lane]));
     Some(Sight {
@@ -335,7 +336,7 @@ pub(super) fn sight<S: Simd, const TERMS: usize>(
     })
 }
 
-/// Where a corner is across, for eight rays.
+/// The coordinates of a corner across, as eight rays see it.
 #[inline(always)]
 fn seen_from<S: Simd, const TERMS: usize>(
     simd: S,

@@ -1,53 +1,46 @@
-//! A tile on its way through a tree.
+//! The traversal of a tile.
 
 use kd_core::{Hit, Ray};
+use kd_simd::{F32x8, LANES, Mask, Number, Task, max_lane, min};
+use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
 
 use super::alone::Alone;
 use super::frustum::{Boxes, meet, meet_each};
 use super::leaf::{self, TERMS_FROM_APEX};
 use super::{OVER, Pending, Tile};
-use crate::block::Block;
 use crate::collect::{Any, Closest};
-use crate::float::min;
-use crate::lanes::{F32x8, LANES, Mask, Number, Simd, Task, most};
-use crate::wide::WideTree;
-use crate::wide::decide::{Place, decide};
-use crate::wide::node::{Child, WIDTH, WideNode};
+use crate::dispatch::TraceSimd;
+use crate::wide::eight::{BlockLane, decide};
 use crate::wide::walk::{WideRay, walk_at};
 
-/// So few rays are faster one by one.
+/// At most this number of rays is faster one by one.
 const FEW: u32 = 4;
 
 /// Traces the rays that were gathered in a tile: up to 64.
-pub(super) struct Tracer<'a, S, R, F, const ANY: bool, const TERMS: usize> {
+pub(super) struct Tracer<'a, S: TraceSimd, const ANY: bool, const TERMS: usize> {
     pub(super) simd: S,
     pub(super) tree: &'a WideTree,
     pub(super) rays: &'a [Ray],
     pub(super) tile: &'a mut Tile,
-    pub(super) alone: &'a mut Alone<R, F>,
-    /// What has been decided so far.
+    pub(super) alone: &'a mut Alone<S>,
+    /// The hits that are decided so far.
     pub(super) hits: &'a mut [Option<Hit>],
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
-    for Tracer<'_, S, R, F, ANY, TERMS>
-{
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S> for Tracer<'_, S, ANY, TERMS> {
     type Output = ();
 
     #[inline(always)]
-    fn run(mut self) {
+    fn run(mut self, _: S) {
         self.walk();
     }
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize>
-    Tracer<'_, S, R, F, ANY, TERMS>
-{
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS> {
     #[inline(always)]
     fn walk(&mut self) {
-        let arrays = self.tree.arrays();
-        let nodes = arrays.nodes();
-        let mut child = arrays.root();
+        let nodes = self.tree.nodes();
+        let mut child = self.tree.root();
         let mut groups = u32::MAX >> (u32::BITS as usize - self.rays.len().div_ceil(LANES));
         let mut len = 0;
         self.alone.begin();
@@ -77,7 +70,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
                     let rays = self.rays_in(node, lane, groups);
                     if rays.count_ones() <= FEW {
                         let simd = self.simd;
-                        simd.apart(Parted {
+                        simd.apart(Diverged {
                             tracer: self,
                             place,
                             rays,
@@ -128,14 +121,17 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
         while left != 0 {
             let number = left.trailing_zeros() as usize;
             left &= left - 1;
-            let Some(ray) = self.alone.ray(number, self.rays) else {
+            let Some(ray) = self
+                .alone
+                .ray(self.simd, number, self.rays, self.tree.frame())
+            else {
                 continue;
             };
             let (group, lane) = (number / LANES, number % LANES);
             let tile = &mut *self.tile;
             let (from, speed) = (tile.from[group][lane], tile.speed[group][lane]);
             let limit = &mut tile.limit[group][lane];
-            // What was rounded to the limit, and what is here; rounded on.
+            // The limit was rounded, and so are these operations: increased.
             let more = 1.0 + 4.0 * f32::EPSILON;
             let t = (*limit * more - from) / speed * more;
             let end = min(ray.steps(t), ray.end());
@@ -160,7 +156,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
     fn enter(&mut self, node: &WideNode, index: usize, groups: u32, mut len: usize) -> usize {
         let simd = self.simd;
         let tile = &mut *self.tile;
-        // One group alone is narrower than all of them.
+        // The frustum of one group is narrower than that of all.
         let frustum = if groups.is_power_of_two() {
             tile.groups.splat(simd, groups.trailing_zeros() as usize)
         } else {
@@ -200,13 +196,13 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
     #[inline(always)]
     fn visit(&mut self, leaf: Child, groups: u32) {
         let simd = self.simd;
-        let blocks = self.tree.arrays().blocks();
+        let blocks = self.tree.blocks();
         let mut has_changed = false;
         self.alone.work(groups.count_ones());
         for index in leaf.blocks() {
             let block = &blocks[index];
-            leaf::look::<S, TERMS>(simd, &self.tile.view, block, &mut self.tile.edges);
-            // A bit for each group and triangle: one loop over all of them is left as seldom as possible.
+            leaf::prepare::<S, TERMS>(simd, &self.tile.view, block, &mut self.tile.edges);
+            // A bit for each pair of a group and a triangle, so that one loop visits all: fewer mispredicted branches.
             let mut pairs = 0_u64;
             let mut left = groups;
             while left != 0 {
@@ -254,12 +250,12 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
         } else {
             sight.farthest.store_where(is_sure, &mut tile.limit[group]);
             let nearest = simd.load(&tile.nearest[group]);
-            // An infinite one stands for none.
+            // Infinite without a triangle.
             let is_first =
                 simd.splat(f32::MAX).lt(nearest) | (is_sure & sight.farthest.lt(nearest));
             let is_kept = sight.may_hit & is_first;
             sight.nearest.store_where(is_kept, &mut tile.nearest[group]);
-            let place = Place::number(index, lane);
+            let place = BlockLane::number(index, lane);
             S::F32::put(is_kept, place, &mut tile.place[group]);
             sight.may_hit & !is_first
         };
@@ -268,7 +264,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
             && simd.apart(Unclear {
                 tracer: self,
                 group,
-                place: Place { block, lane },
+                place: BlockLane { block, lane },
                 rays: unclear,
             });
         is_sure.bits() != 0 || is_decided
@@ -276,7 +272,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
 
     /// Decides for the rays of a group whose bits are set; whether the limit of a ray has changed.
     #[inline(always)]
-    fn decide_at_once(&mut self, group: usize, place: Place<'_>, unclear: u32) -> bool {
+    fn decide_at_once(&mut self, group: usize, place: BlockLane<'_>, unclear: u32) -> bool {
         let tile = &mut *self.tile;
         let decided = decide(self.simd, &tile.turned_group(group), place);
         let mut left = decided.is_hit & unclear;
@@ -294,7 +290,7 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
         has_changed
     }
 
-    /// How far groups go, from how far their rays go.
+    /// Updates the limits of groups from those of their rays.
     #[inline(always)]
     fn update_limits(&mut self, groups: u32) {
         let tile = &mut *self.tile;
@@ -302,26 +298,26 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
         while left != 0 {
             let group = left.trailing_zeros() as usize;
             left &= left - 1;
-            tile.groups.limit[group] = most(&tile.limit[group]);
+            tile.groups.limit[group] = max_lane(&tile.limit[group]);
         }
-        tile.whole.limit = [most(&tile.groups.limit); LANES];
+        tile.whole.limit = [max_lane(&tile.groups.limit); LANES];
     }
 }
 
 /// Rays that go on one by one below a child.
-struct Parted<'t, T> {
+struct Diverged<'t, T> {
     tracer: &'t mut T,
     place: usize,
     rays: u64,
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
-    for Parted<'_, Tracer<'_, S, R, F, ANY, TERMS>>
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
+    for Diverged<'_, Tracer<'_, S, ANY, TERMS>>
 {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self, _: S) {
         self.tracer.trace_alone(self.place, self.rays);
     }
 }
@@ -330,24 +326,24 @@ impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS
 struct Unclear<'t, 'b, T> {
     tracer: &'t mut T,
     group: usize,
-    place: Place<'b>,
+    place: BlockLane<'b>,
     rays: u32,
 }
 
-impl<S: Simd, R: WideRay, F: Fn(&Ray) -> Option<R>, const ANY: bool, const TERMS: usize> Task
-    for Unclear<'_, '_, Tracer<'_, S, R, F, ANY, TERMS>>
+impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Task<S>
+    for Unclear<'_, '_, Tracer<'_, S, ANY, TERMS>>
 {
     /// Whether the limit of a ray has changed.
     type Output = bool;
 
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self, _: S) -> bool {
         self.tracer
             .decide_at_once(self.group, self.place, self.rays)
     }
 }
 
-/// For eight more.
+/// Grows the stack by at least eight entries.
 #[cold]
 #[inline(never)]
 fn make_room(pending: &mut Vec<Pending>) {

@@ -1,0 +1,15 @@
+//! Limits of directions and coordinates of rays that are traced together. Rays beyond them are traced one by one.
+
+use crate::planes::Frame;
+
+/// Largest component of a direction: within these limits no depth underflows or overflows.
+pub(super) const LEAST_DIRECTION: f32 = 1.0 / (1 << 20) as f32;
+pub(super) const MOST_DIRECTION: f32 = (1 << 20) as f32;
+/// Coordinates: within this limit no product of three differences overflows.
+pub(super) const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
+
+/// Whether the coordinates of a tree are within the limit.
+pub(super) fn fits(frame: &Frame) -> bool {
+    let corners = frame.corners.as_flattened();
+    corners.iter().all(|x| x.abs() <= MOST_COORDINATE)
+}

@@ -1,0 +1,149 @@
+//! Nodes and blocks that refer to each other by indices, checked once.
+#![allow(
+    unsafe_code,
+    reason = "rays follow indices that were checked when the arrays were put together; checking them again takes a twentieth \
+              of a ray's time"
+)]
+
+use crate::block::Block;
+use crate::node::{Child, WideNode};
+
+mod members;
+mod refit;
+
+pub use refit::Refit;
+
+pub(crate) use members::Member;
+
+/// All nodes and blocks of a tree. Invariant: the root, and every child of a node, is an index into these nodes or a range of
+/// these blocks.
+///
+/// ```text
+/// nodes    member 0 | member 1 | … | top        blocks   member 0 | member 1 | …
+/// ```
+/// The children of a member's nodes are in the same member. The top joins the members. A tree that was not joined is all top.
+#[derive(Clone, Debug)]
+pub(crate) struct Arrays {
+    nodes: Vec<WideNode>,
+    blocks: Vec<Block>,
+    root: Child,
+    members: Vec<Member>,
+}
+
+impl Arrays {
+    /// # Panics
+    ///
+    /// If a child is not among the nodes and blocks.
+    pub(crate) fn new(nodes: Vec<WideNode>, blocks: Vec<Block>, root: Child) -> Self {
+        let is_there = |child: Child| child.is_within(nodes.len(), blocks.len());
+        let children = nodes.iter().flat_map(|node| node.children);
+        assert!(
+            is_there(root) && children.into_iter().all(is_there),
+            "every child is a node or blocks of the same tree"
+        );
+        Self {
+            nodes,
+            blocks,
+            root,
+            members: Vec::new(),
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn root(&self) -> Child {
+        self.root
+    }
+
+    /// Asks the processor to load a child into its nearest cache, where it has an instruction for that.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, child: Child) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            const LINE: usize = 64;
+            const LINES: usize = size_of::<WideNode>() / LINE;
+            let first: *const i8 = if child.is_leaf() {
+                let block = child.blocks().start;
+                self.blocks.as_ptr().wrapping_add(block).cast()
+            } else {
+                self.nodes.as_ptr().wrapping_add(child.index()).cast()
+            };
+            for line in 0..LINES {
+                // SAFETY: a prefetch accepts any address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(LINE * line)) };
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = child;
+    }
+
+    pub(crate) fn nodes(&self) -> &[WideNode] {
+        &self.nodes
+    }
+
+    pub(crate) fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// A child that is a node.
+    ///
+    /// # Safety
+    ///
+    /// It is the root or a child of a node of these arrays, and not a leaf.
+    #[inline(always)]
+    pub(crate) unsafe fn node(&self, child: Child) -> &WideNode {
+        debug_assert!(!child.is_leaf(), "a node");
+        // SAFETY: the index was checked when the arrays were put together.
+        unsafe { self.nodes.get_unchecked(child.index()) }
+    }
+
+    /// The blocks of a child that is a leaf.
+    ///
+    /// # Safety
+    ///
+    /// It is a leaf, and the root, a child of a node of these arrays, or [`Child::NOTHING`].
+    #[inline(always)]
+    pub(crate) unsafe fn leaf(&self, child: Child) -> &[Block] {
+        debug_assert!(child.is_leaf(), "a leaf");
+        // SAFETY: the range was checked when the arrays were put together.
+        unsafe { self.blocks.get_unchecked(child.blocks()) }
+    }
+}
+
+/// Compares bytes: empty lanes are NaN, which does not equal itself.
+impl PartialEq for Arrays {
+    fn eq(&self, other: &Self) -> bool {
+        fn bytes<T: bytemuck::Pod>(of: &[T]) -> &[u8] {
+            bytemuck::cast_slice(of)
+        }
+        self.root == other.root
+            && bytes(&self.nodes) == bytes(&other.nodes)
+            && bytes(&self.blocks) == bytes(&other.blocks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[should_panic(expected = "every child is a node or blocks of the same tree")]
+    fn missing_children_are_refused() {
+        let mut node = WideNode::EMPTY;
+        node.children[3] = Child::leaf(0, 2);
+        Arrays::new(vec![node], vec![Block::EMPTY], Child::node(0));
+    }
+
+    #[test]
+    fn present_children_are_kept() {
+        let mut node = WideNode::EMPTY;
+        node.children[3] = Child::leaf(0, 1);
+        node.children[4] = Child::node(0);
+        let arrays = Arrays::new(vec![node], vec![Block::EMPTY], Child::node(0));
+        assert_eq!(
+            (arrays.nodes().len(), arrays.blocks().len()),
+            (1, 1),
+            "kept"
+        );
+    }
+}

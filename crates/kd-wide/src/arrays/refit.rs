@@ -1,0 +1,116 @@
+//! Refitting: the same nodes with new boxes, after triangles have moved, and their SAH cost.
+
+use kd_core::{Aabb, Mesh};
+
+use super::Arrays;
+use crate::block::Block;
+use crate::collapse;
+use crate::node::{Child, WIDTH, WideNode};
+
+/// The new positions of the triangles of a member of a [`WideForest`](crate::WideForest).
+#[derive(Clone, Copy, Debug)]
+pub struct Refit<'a> {
+    /// The number of the member.
+    pub number: usize,
+    /// The triangles at their new positions; as many as the member was made from.
+    pub mesh: &'a Mesh,
+    /// The `first_slot` of [`WideForest::push`](crate::WideForest::push).
+    pub first_slot: u32,
+}
+
+/// A member to refit, and its memory.
+struct Task<'a> {
+    refit: Refit<'a>,
+    nodes: &'a mut [WideNode],
+    blocks: &'a mut [Block],
+    /// The indices of the first of each.
+    first_node: usize,
+    first_block: usize,
+}
+
+impl Arrays {
+    /// Moves the triangles of members to their positions in the meshes, and fits the boxes. Drops the top. Linear in the blocks
+    /// of these members.
+    ///
+    /// # Panics
+    ///
+    /// If a mesh has fewer triangles; if the numbers of members do not ascend.
+    pub(crate) fn refit_members(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
+        self.clear_top();
+        let mut tasks = Vec::with_capacity(refits.len());
+        let (mut nodes, mut blocks) = (self.nodes.as_mut_slice(), self.blocks.as_mut_slice());
+        let (mut next_node, mut next_block) = (0, 0);
+        for refit in refits {
+            let member = &self.members[refit.number];
+            let (of_member, in_blocks) = (member.nodes(), member.blocks());
+            assert!(
+                of_member.start >= next_node,
+                "the numbers of members ascend"
+            );
+            nodes = &mut nodes[of_member.start - next_node..];
+            blocks = &mut blocks[in_blocks.start - next_block..];
+            let (own_nodes, own_blocks);
+            (own_nodes, nodes) = nodes.split_at_mut(of_member.len());
+            (own_blocks, blocks) = blocks.split_at_mut(in_blocks.len());
+            (next_node, next_block) = (of_member.end, in_blocks.end);
+            tasks.push(Task {
+                refit: *refit,
+                nodes: own_nodes,
+                blocks: own_blocks,
+                first_node: of_member.start,
+                first_block: in_blocks.start,
+            });
+        }
+        kd_tasks::map(tasks, is_parallel, Task::run);
+    }
+
+    /// The SAH cost of a member below its root: the half area of each box times the cost of a ray that enters it (see
+    /// [`collapse`]).
+    pub(crate) fn cost_of_member(&self, number: usize) -> f64 {
+        let mut cost = 0.0;
+        for node in &self.nodes[self.members[number].nodes()] {
+            for lane in node.lanes() {
+                let child = node.children[lane];
+                let blocks = if child.is_leaf() {
+                    child.blocks().len()
+                } else {
+                    0
+                };
+                cost += node.bounds(lane).half_area() * f64::from(collapse::visit(blocks));
+            }
+        }
+        cost
+    }
+}
+
+impl Task<'_> {
+    fn run(self) {
+        for block in &mut *self.blocks {
+            block.move_corners(self.refit.mesh, self.refit.first_slot);
+        }
+        let mut bounds = vec![Aabb::EMPTY; self.nodes.len()];
+        // Children follow their parents, so their boxes are known first.
+        for (place, node) in self.nodes.iter_mut().enumerate().rev() {
+            let mut around = Aabb::EMPTY;
+            for lane in 0..WIDTH {
+                let child = node.children[lane];
+                if child == Child::NOTHING {
+                    continue;
+                }
+                let of_child = if child.is_leaf() {
+                    let range = child.blocks();
+                    let blocks =
+                        &self.blocks[range.start - self.first_block..range.end - self.first_block];
+                    let boxes = blocks.iter().map(Block::bounds);
+                    boxes.fold(Aabb::EMPTY, |around, bounds| around.union(&bounds))
+                } else {
+                    bounds[child.index() - self.first_node]
+                };
+                node.set(lane, &of_child, child);
+                around = around.union(&of_child);
+            }
+            node.order_by_centers();
+            bounds[place] = around;
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! A block: up to eight triangles of a leaf, lane by lane.
+//!
+//! ```text
+//! block       9 x 8 f32   corner a: x of 8 triangles, y, z; corner b; corner c
+//!             8 x u32     their numbers
+//! ```
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+use kd_core::{Aabb, Mesh};
+use kd_simd::LANES;
+
+/// Coordinates of eight triangles: by corner, then by axis, then by lane, so that the axes of a ray are offsets.
+pub type LaneCorners = [[[f32; LANES]; 3]; 3];
+
+/// Up to eight triangles of a leaf, in lanes. Five cache lines.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub struct Block {
+    /// Corners, in scene units; NaN in lanes without a triangle.
+    pub corners: LaneCorners,
+    /// Slots; [`NONE`](Self::NONE) in lanes without a triangle.
+    pub triangles: [u32; LANES],
+}
+
+const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
+
+impl Block {
+    /// The slot of a lane without a triangle.
+    pub const NONE: u32 = u32::MAX;
+
+    /// No triangles. No ray hits corners that are NaN.
+    pub const EMPTY: Self = Self {
+        corners: [[[f32::NAN; LANES]; 3]; 3],
+        triangles: [Self::NONE; LANES],
+    };
+
+    /// The block of up to eight triangles of a mesh, which get the first lanes.
+    ///
+    /// # Panics
+    ///
+    /// If there are more, or if the mesh lacks one.
+    pub fn of(triangles: impl IntoIterator<Item = u32>, mesh: &Mesh) -> Self {
+        let mut block = Self::EMPTY;
+        for (lane, triangle) in triangles.into_iter().enumerate() {
+            block.set(lane, triangle, mesh.corners(triangle));
+        }
+        block
+    }
+
+    /// The number of triangles. They fill the lanes in order.
+    #[inline(always)]
+    pub fn count(&self) -> u32 {
+        self.triangles
+            .iter()
+            .map(|triangle| u32::from(*triangle != Self::NONE))
+            .sum()
+    }
+
+    /// Puts a triangle in a lane.
+    ///
+    /// # Panics
+    ///
+    /// If `lane` is 8 or more.
+    pub fn set(&mut self, lane: usize, triangle: u32, corners: [Vec3; 3]) {
+        self.set_corners(lane, corners);
+        self.triangles[lane] = triangle;
+    }
+
+    #[inline(always)]
+    fn set_corners(&mut self, lane: usize, corners: [Vec3; 3]) {
+        for (rows, corner) in self.corners.iter_mut().zip(corners) {
+            for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
+                row[lane] = coordinate;
+            }
+        }
+    }
+
+    /// Gives its triangles, numbered from `first_slot` on, the corners that they have in `mesh`.
+    pub(crate) fn move_corners(&mut self, mesh: &Mesh, first_slot: u32) {
+        for lane in 0..LANES {
+            let slot = self.triangles[lane];
+            if slot == Self::NONE {
+                break;
+            }
+            self.set_corners(lane, mesh.corners(slot - first_slot));
+        }
+    }
+
+    /// The box around all triangles.
+    pub(crate) fn bounds(&self) -> Aabb {
+        // Not `f32::min`: this order of operands is one instruction, and skips NaN.
+        let pick = |is_better: fn(f32, f32) -> bool, worst: f32, axis: usize| {
+            let mut best = [worst; LANES];
+            for rows in &self.corners {
+                for (best, x) in best.iter_mut().zip(rows[axis]) {
+                    *best = if is_better(x, *best) { x } else { *best };
+                }
+            }
+            let better = |a: f32, b: f32| if is_better(a, b) { a } else { b };
+            best.into_iter().fold(worst, better)
+        };
+        let min = |axis| pick(|a, b| a < b, f32::INFINITY, axis);
+        let max = |axis| pick(|a, b| a > b, f32::NEG_INFINITY, axis);
+        Aabb {
+            min: Vec3::new(min(0), min(1), min(2)),
+            max: Vec3::new(max(0), max(1), max(2)),
+        }
+    }
+
+    /// The corners of the triangle in a lane.
+    #[inline(always)]
+    pub fn corners_of(&self, lane: usize) -> [Vec3; 3] {
+        self.corners
+            .each_ref()
+            .map(|rows| Vec3::from_array(rows.each_ref().map(|row| row[lane])))
+    }
+}

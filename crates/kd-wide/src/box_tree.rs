@@ -1,0 +1,238 @@
+//! The binary tree of boxes that collapses into wide nodes.
+
+use glam::Vec3A;
+use kd_core::{Aabb, Axis, Mesh};
+
+use crate::collapse::{self, Choice, Costs};
+
+/// A binary tree of tight boxes over triangles, or over finished subtrees. Children follow their parents; the root is first.
+#[derive(Debug)]
+pub(crate) struct BoxTree {
+    of: Leaves,
+    nodes: Vec<BoxNode>,
+    /// The items of all leaves, leaf by leaf.
+    items: Vec<u32>,
+}
+
+/// The kind of leaves of a tree of boxes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Leaves {
+    /// Triangles: small subtrees may become leaves.
+    Triangles,
+    /// One finished subtree each.
+    Links,
+}
+
+/// A node, and how it becomes children of a wide node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BoxNode {
+    pub(crate) bounds: Aabb,
+    pub(crate) choice: Choice,
+    pub(crate) kind: Kind,
+    /// The range of the items of the subtree.
+    first: u32,
+    count: u32,
+}
+
+/// The kind of a node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind {
+    /// All its items.
+    Leaf,
+    /// Two children, the lower one on the axis first.
+    Split { axis: Axis, children: [u32; 2] },
+}
+
+/// A triangle, the part of one in a cell, or a subtree, in its box. What an [`ObjectSplit`](crate::ObjectSplit) divides.
+#[derive(Clone, Copy, Debug)]
+pub struct Item {
+    /// The lowest corner of the box, in scene units.
+    pub min: Vec3A,
+    /// The highest corner.
+    pub max: Vec3A,
+    /// The triangle, or the number of the subtree.
+    pub number: u32,
+}
+
+/// A subtree that was just added.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Added {
+    index: u32,
+    costs: Costs,
+}
+
+impl Added {
+    /// Its SAH cost as one child.
+    pub(crate) fn cost(&self) -> f32 {
+        self.costs[0]
+    }
+}
+
+impl Item {
+    /// A triangle of a mesh.
+    ///
+    /// # Panics
+    ///
+    /// If the mesh lacks it.
+    pub fn whole(triangle: u32, mesh: &Mesh) -> Self {
+        Self::within(Aabb::around(mesh.corners(triangle)), triangle)
+    }
+
+    /// An item in a box.
+    pub fn within(bounds: Aabb, number: u32) -> Self {
+        Self {
+            min: bounds.min.into(),
+            max: bounds.max.into(),
+            number,
+        }
+    }
+
+    /// The box around items; empty without items.
+    pub fn around(items: &[Self]) -> Aabb {
+        let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (min, max) = items.iter().fold(nothing, |(min, max), item| {
+            (min.min(item.min), max.max(item.max))
+        });
+        Aabb {
+            min: min.into(),
+            max: max.into(),
+        }
+    }
+
+    /// The box.
+    pub fn bounds(&self) -> Aabb {
+        Aabb {
+            min: self.min.into(),
+            max: self.max.into(),
+        }
+    }
+}
+
+impl BoxTree {
+    pub(crate) fn new(of: Leaves) -> Self {
+        Self {
+            of,
+            nodes: Vec::new(),
+            items: Vec::new(),
+        }
+    }
+
+    pub(crate) fn root(&self) -> Option<u32> {
+        (!self.nodes.is_empty()).then_some(0)
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    pub(crate) fn node(&self, index: u32) -> &BoxNode {
+        &self.nodes[index as usize]
+    }
+
+    /// The numbers of the items of a subtree.
+    pub(crate) fn items(&self, index: u32) -> &[u32] {
+        let node = self.node(index);
+        &self.items[node.first as usize..][..node.count as usize]
+    }
+
+    /// Adds a leaf. `per_area` is one over the half area of the root's box.
+    pub(crate) fn add_leaf(&mut self, items: &[Item], per_area: f64) -> Added {
+        let bounds = Item::around(items);
+        let (choice, costs) = match self.of {
+            Leaves::Triangles => collapse::leaf(relative_area(&bounds, per_area), items.len()),
+            Leaves::Links => collapse::link(),
+        };
+        let first = to_u32(self.items.len());
+        self.items.extend(items.iter().map(|item| item.number));
+        self.nodes.push(BoxNode {
+            bounds,
+            choice,
+            kind: Kind::Leaf,
+            first,
+            count: to_u32(items.len()),
+        });
+        Added {
+            index: to_u32(self.nodes.len() - 1),
+            costs,
+        }
+    }
+
+    /// Reserves the place of a node whose children are added next.
+    pub(crate) fn reserve(&mut self) -> u32 {
+        self.nodes.push(BoxNode {
+            bounds: Aabb::EMPTY,
+            choice: Choice::default(),
+            kind: Kind::Leaf,
+            first: to_u32(self.items.len()),
+            count: 0,
+        });
+        to_u32(self.nodes.len() - 1)
+    }
+
+    /// Fills a reserved place. The two children hold everything that was added since.
+    pub(crate) fn set_split(
+        &mut self,
+        place: u32,
+        axis: Axis,
+        children: [Added; 2],
+        per_area: f64,
+    ) -> Added {
+        let bounds = children.map(|child| self.node(child.index).bounds);
+        let bounds = bounds[0].union(&bounds[1]);
+        let first = self.node(place).first;
+        let count = to_u32(self.items.len()) - first;
+        let area = relative_area(&bounds, per_area);
+        let most_in_leaf = match self.of {
+            Leaves::Triangles => collapse::MOST_TRIANGLES,
+            Leaves::Links => 1,
+        };
+        let costs = children.map(|child| child.costs);
+        let (choice, costs) = collapse::split(area, count as usize, most_in_leaf, &costs);
+        self.nodes[place as usize] = BoxNode {
+            bounds,
+            choice,
+            kind: Kind::Split {
+                axis,
+                children: children.map(|child| child.index),
+            },
+            first,
+            count,
+        };
+        Added {
+            index: place,
+            costs,
+        }
+    }
+
+    /// Adds all of another tree, whose root was added to it last as `root`, and `number` to the numbers of its items.
+    pub(crate) fn append(&mut self, other: &Self, root: Added, number: u32) -> Added {
+        let (nodes, items) = (to_u32(self.nodes.len()), to_u32(self.items.len()));
+        self.items
+            .extend(other.items.iter().map(|item| item + number));
+        self.nodes.extend(other.nodes.iter().map(|node| BoxNode {
+            kind: match node.kind {
+                Kind::Leaf => Kind::Leaf,
+                Kind::Split { axis, children } => Kind::Split {
+                    axis,
+                    children: children.map(|child| child + nodes),
+                },
+            },
+            first: node.first + items,
+            ..*node
+        }));
+        Added {
+            index: root.index + nodes,
+            ..root
+        }
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "a fraction of 1")]
+fn relative_area(bounds: &Aabb, per_area: f64) -> f32 {
+    (bounds.half_area() * per_area) as f32
+}
+
+/// References are counted in 32 bits, and nodes and items are no more than references.
+fn to_u32(count: usize) -> u32 {
+    u32::try_from(count).expect("32 bits count references")
+}

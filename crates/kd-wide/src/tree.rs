@@ -1,0 +1,245 @@
+//! A tree of wide nodes, and the ways to make one.
+
+use kd_core::{Aabb, LayoutBytes, Mesh, Tree};
+use kd_simd::Level;
+
+use crate::arrays::Arrays;
+use crate::binary::{self, BinaryTree};
+use crate::block::Block;
+use crate::box_tree::{BoxTree, Item};
+use crate::divide::{boxes_of_objects, boxes_of_tree};
+use crate::emit;
+use crate::frame::Frame;
+use crate::node::{Child, WideNode};
+
+/// A tree of nodes with up to eight children, and of triangles in blocks of eight.
+///
+/// It holds copies: neither the kd-tree nor the mesh that it is made from is needed to trace. Queries are those of the trait
+/// `RayQuery` of `kd-trace`. Each answer equals that of a test of every triangle, to the bit and at every [`Level`].
+///
+/// Memory: 256 bytes a node and 320 bytes a block, together about 60 bytes a triangle in most scenes.
+#[derive(Clone, Debug)]
+pub struct WideTree {
+    pub(crate) arrays: Arrays,
+    pub(crate) frame: Frame,
+    pub(crate) level: Level,
+}
+
+impl WideTree {
+    /// Makes wide nodes from a kd-tree over `mesh` on the calling thread, for the fastest [`Level`] of this processor.
+    ///
+    /// Follows the planes of the kd-tree in cells of more than [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles, and divides
+    /// smaller ones by object splits. Linear in the number of triangles, apart from the levels of the kd-tree above those
+    /// cells.
+    ///
+    /// # Panics
+    ///
+    /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
+    pub fn new(tree: &Tree, mesh: &Mesh) -> Self {
+        Self::with(tree, mesh, None, false)
+    }
+
+    /// [`new`](Self::new) on the threads of the pool in scope (rayon's). The result is the same.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    pub fn new_parallel(tree: &Tree, mesh: &Mesh) -> Self {
+        Self::with(tree, mesh, None, true)
+    }
+
+    /// [`new`](Self::new) with another limit: follows the planes of the kd-tree in all cells of more than `planes_above`
+    /// triangles, whatever they cost. 0 follows them to the leaves of the kd-tree. For tests and measurements.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    pub fn with_planes_above(tree: &Tree, mesh: &Mesh, planes_above: usize) -> Self {
+        Self::with(tree, mesh, Some(planes_above), false)
+    }
+
+    fn with(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Self {
+        let items = items_of_tree(tree, mesh);
+        let (boxes, _) = boxes_of_tree(tree, mesh, items, planes_above, is_parallel);
+        Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
+    }
+
+    /// The cheaper of [`new`](Self::new) and [`from_objects`](Self::from_objects) by SAH cost. Takes about one and a half times
+    /// as long as the first. Parallel: on the threads of the pool in scope.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    pub fn best(tree: &Tree, mesh: &Mesh, is_parallel: bool) -> Self {
+        let items = items_of_tree(tree, mesh);
+        let (by_planes, by_objects) = kd_tasks::join_if(
+            is_parallel,
+            || boxes_of_tree(tree, mesh, items.clone(), None, is_parallel),
+            || boxes_of_objects(items.clone(), &tree.bounds(), is_parallel),
+        );
+        let boxes = if by_objects.1 < by_planes.1 {
+            by_objects.0
+        } else {
+            by_planes.0
+        };
+        Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
+    }
+
+    /// Makes wide nodes without a kd-tree, by object splits alone, on the calling thread.
+    ///
+    /// A mesh of at most [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles gets the same nodes as from [`new`](Self::new); larger
+    /// ones trace somewhat slower. Takes a fraction of the time of a kd-tree, which pays for meshes that soon change.
+    pub fn from_objects(mesh: &Mesh) -> Self {
+        Self::with_objects(mesh, false)
+    }
+
+    /// [`from_objects`](Self::from_objects) on the threads of the pool in scope (rayon's). The result is the same.
+    pub fn from_objects_parallel(mesh: &Mesh) -> Self {
+        Self::with_objects(mesh, true)
+    }
+
+    fn with_objects(mesh: &Mesh, is_parallel: bool) -> Self {
+        let triangles = 0..u32::try_from(mesh.len()).expect("30 bits count triangles");
+        let items = triangles.map(|triangle| Item::whole(triangle, mesh));
+        let (boxes, _) = boxes_of_objects(items.collect(), &mesh.bounds(), is_parallel);
+        Self::of_boxes(&boxes, mesh, &mesh.bounds(), is_parallel)
+    }
+
+    /// Makes wide nodes from a binary tree that was made elsewhere, such as a bounding volume hierarchy, on the calling
+    /// thread. Linear in the number of triangles.
+    ///
+    /// Boxes are fitted around the triangles of `mesh`. Which nodes and leaves stay is chosen as for a kd-tree: leaves of few
+    /// triangles merge where that costs less.
+    ///
+    /// # Panics
+    ///
+    /// If a leaf has no triangles, or one that the mesh lacks; if a leaf is more than [`MAX_DEPTH`](kd_core::MAX_DEPTH)
+    /// levels below the root.
+    pub fn from_binary(tree: &impl BinaryTree, mesh: &Mesh) -> Self {
+        let boxes = binary::boxes_of_binary(tree, mesh);
+        Self::of_boxes(&boxes, mesh, &mesh.bounds(), false)
+    }
+
+    fn of_boxes(boxes: &BoxTree, mesh: &Mesh, bounds: &Aabb, is_parallel: bool) -> Self {
+        let (nodes, blocks, root) = emit::emit(boxes, mesh, is_parallel);
+        Self {
+            arrays: Arrays::new(nodes, blocks, root),
+            frame: Frame::new(bounds),
+            level: Level::detect(),
+        }
+    }
+
+    /// The same tree, traced at another level.
+    #[must_use]
+    pub fn with_level(self, level: Level) -> Self {
+        Self { level, ..self }
+    }
+
+    /// The level that rays are traced at.
+    #[inline(always)]
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Bytes of nodes and of blocks.
+    pub fn bytes(&self) -> LayoutBytes {
+        LayoutBytes {
+            nodes: size_of_val(self.arrays.nodes()),
+            blocks: size_of_val(self.arrays.blocks()),
+        }
+    }
+
+    /// The box of the tree, for error bounds of rays.
+    #[inline(always)]
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// All nodes. A child that is a node is an index of these.
+    #[inline(always)]
+    pub fn nodes(&self) -> &[WideNode] {
+        self.arrays.nodes()
+    }
+
+    /// All blocks. A child that is a leaf is a range of these.
+    #[inline(always)]
+    pub fn blocks(&self) -> &[Block] {
+        self.arrays.blocks()
+    }
+
+    /// Where rays begin: a node, or a leaf without blocks if the tree is empty.
+    #[inline(always)]
+    pub fn root(&self) -> Child {
+        self.arrays.root()
+    }
+
+    /// The node of a child, without a check of its index.
+    ///
+    /// # Safety
+    ///
+    /// `child` is not a leaf, and is [`root`](Self::root) of this tree or a child of one of its [`nodes`](Self::nodes).
+    #[inline(always)]
+    #[allow(unsafe_code, reason = "passes the contract on to the arrays")]
+    pub unsafe fn node(&self, child: Child) -> &WideNode {
+        // SAFETY: the caller's.
+        unsafe { self.arrays.node(child) }
+    }
+
+    /// The blocks of a child, without a check of their indices.
+    ///
+    /// # Safety
+    ///
+    /// `child` is a leaf, and is [`root`](Self::root) of this tree, a child of one of its [`nodes`](Self::nodes), or
+    /// [`Child::NOTHING`].
+    #[inline(always)]
+    #[allow(unsafe_code, reason = "passes the contract on to the arrays")]
+    pub unsafe fn leaf(&self, child: Child) -> &[Block] {
+        // SAFETY: the caller's.
+        unsafe { self.arrays.leaf(child) }
+    }
+
+    /// Asks the processor to load a child into its nearest cache, where it has an instruction for that.
+    #[inline(always)]
+    pub fn prefetch(&self, child: Child) {
+        self.arrays.prefetch(child);
+    }
+}
+
+/// The same nodes and blocks to the bit, at any level.
+impl PartialEq for WideTree {
+    fn eq(&self, other: &Self) -> bool {
+        self.arrays == other.arrays
+    }
+}
+
+/// The triangles of a kd-tree, each with its box.
+fn items_of_tree(tree: &Tree, mesh: &Mesh) -> Vec<Item> {
+    let triangles = (0..).zip(triangles_of(tree, mesh.len()));
+    let present = triangles.filter(|(_, is_in_tree)| *is_in_tree);
+    present
+        .map(|(triangle, _)| Item::whole(triangle, mesh))
+        .collect()
+}
+
+/// Which triangles of a mesh are in a leaf that the root of a kd-tree reaches. (An arena may hold other trees too.)
+fn triangles_of(tree: &Tree, triangles: usize) -> Vec<bool> {
+    let mut is_in_tree = vec![false; triangles];
+    let mut is_seen = vec![false; tree.nodes().len()];
+    let mut pending = vec![tree.root()];
+    while let Some(place) = pending.pop() {
+        // Subtrees may be shared.
+        if std::mem::replace(&mut is_seen[place.index()], true) {
+            continue;
+        }
+        let node = tree.nodes()[place.index()];
+        if node.is_leaf() {
+            for slot in tree.leaf_refs(node) {
+                is_in_tree[slot.0 as usize] = true;
+            }
+        } else {
+            let first = node.first_child();
+            pending.extend([first, first.sibling()]);
+        }
+    }
+    is_in_tree
+}
