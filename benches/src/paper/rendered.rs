@@ -166,7 +166,8 @@ impl<'a> Bench<'a> {
             session.repeats,
             || picture_seconds(&self.rebuilt, &self.rebuilt.tracer(), options),
             || {
-                let tracer = Timed::new(self.merged.tracer(), &tracing);
+                let frame = self.merged.tracer();
+                let tracer = Timed::new(&frame, &tracing);
                 picture_seconds(&self.merged, &tracer, options)
             },
         )?;
@@ -210,7 +211,7 @@ impl<'a> Bench<'a> {
         let pictures = timed_in_pairs(
             session.repeats,
             || picture_seconds(stage, &Timed::new(&embree, &theirs), options),
-            || picture_seconds(stage, &Timed::new(stage.tracer(), &ours), options),
+            || picture_seconds(stage, &Timed::new(&stage.tracer(), &ours), options),
         )?;
         let (rival, rays) = (RIVAL.to_string(), usize::try_from(expected.rays.total())?);
         session.add_rays(MERGED, PICTURE, &rival, &pictures, rays);
@@ -291,12 +292,12 @@ fn picture_seconds(
 
 /// A tracer whose time is added up, of all threads together.
 struct Timed<'a, T> {
-    tracer: T,
+    tracer: &'a T,
     nanoseconds: &'a AtomicU64,
 }
 
 impl<'a, T> Timed<'a, T> {
-    fn new(tracer: T, nanoseconds: &'a AtomicU64) -> Self {
+    fn new(tracer: &'a T, nanoseconds: &'a AtomicU64) -> Self {
         Self {
             tracer,
             nanoseconds,
@@ -305,7 +306,7 @@ impl<'a, T> Timed<'a, T> {
 
     fn time(&self, work: impl FnOnce(&T)) {
         let start = Instant::now();
-        work(&self.tracer);
+        work(self.tracer);
         let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.nanoseconds.fetch_add(nanoseconds, Ordering::Relaxed);
     }
