@@ -14,7 +14,7 @@ use crate::picture::HeatScale;
 use crate::plots::{self, Axis, BarPlot, XyPlot};
 use crate::record::{self, Record, Row};
 use crate::run_folder::{self, RunFolder};
-use crate::summary::{self, Figure, Group, Section};
+use crate::summary::{self, EXACT, Figure, Group, Section};
 
 const STYLE: &str = include_str!("report.css");
 
@@ -251,37 +251,34 @@ fn grouped(number: usize) -> String {
 }
 
 /// Whether the cost that builders minimise predicts the time of rays.
-fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
+///
+/// Of a run with builders, only their rows: wide nodes divide small cells again, so that their times depend less on the cost.
+fn quality<'a>(run: &Run<'a>) -> anyhow::Result<Markup> {
+    let of_builders = run.rows.iter().filter(|row| summary::is_of_builder(row));
+    let of_builders: Vec<&Row<'a>> = of_builders.collect();
+    let (rows, named) = if of_builders.is_empty() {
+        (run.rows.iter().collect(), REFERENCE.to_string())
+    } else {
+        let first = of_builders[0].variant.as_str();
+        let has_exact = of_builders.iter().any(|row| row.variant == EXACT);
+        let named = if has_exact { EXACT } else { first };
+        (of_builders, named.to_owned())
+    };
+    let kinds = ["random", "diffuse"].into_iter();
     let mut plots = Vec::new();
-    for kind in run
-        .kinds
-        .iter()
-        .filter(|kind| ["random", "diffuse"].contains(*kind))
-    {
-        let mut points = Vec::new();
-        for row in &run.rows {
-            let variant = run
-                .variants
-                .iter()
-                .position(|variant| *variant == row.variant);
-            if let (Some(variant), Some(cell)) = (variant, row.cells.get(kind)) {
-                let time = cell.ns_per_ray();
-                let is_reference = row.variant == REFERENCE.to_string();
-                points.push((
-                    variant,
-                    cell.exact.sah_cost_15_20,
-                    time,
-                    if is_reference { row.scene } else { "" },
-                ));
-            }
-        }
-        let y_axis = format!("{kind}: ns per ray");
+    for kind in kinds.filter(|kind| run.kinds.contains(kind)) {
+        let point = |row: &&Row<'a>| {
+            let variant = run.variants.iter().position(|other| *other == row.variant);
+            let cell = row.cells.get(kind)?;
+            let name = if row.variant == named { row.scene } else { "" };
+            Some((variant?, cell.exact.sah_cost_15_20, cell.ns_per_ray(), name))
+        };
         let plot = XyPlot {
             x_axis: "SAH cost (15:20)",
-            y_axis: &y_axis,
+            y_axis: &format!("{kind}: ns per ray"),
             scale: Axis::Logarithmic,
             lines: Vec::new(),
-            points,
+            points: rows.iter().filter_map(point).collect(),
         };
         plots.push(plot.to_svg()?);
     }
@@ -290,9 +287,8 @@ fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
             section {
                 h2 { "SAH cost against time" }
                 p.note {
-                    "The surface area heuristic predicts the cost of a random ray in the tree's own nodes (layout binary). \
-                     Wide nodes divide small cells again, so that their times depend less on it. A point is a scene and a \
-                     variant; the name is at the reference's, " (REFERENCE) "."
+                    "The surface area heuristic predicts the cost of a random ray in the tree's own nodes. A point is a scene and \
+                     a variant; names are at those of " (named) "."
                 }
                 (legend(run))
                 div.pair { @for plot in &plots { figure { (PreEscaped(plot)) } } }

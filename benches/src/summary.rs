@@ -39,7 +39,7 @@ pub(crate) struct Figure {
 }
 
 /// The variant whose speed is 1 among builders, where it was measured.
-const EXACT: &str = "kd/exact/binary";
+pub(crate) const EXACT: &str = "kd/exact/binary";
 
 /// The tables of a run that have rows.
 pub(crate) fn sections(records: &[Record]) -> Vec<Section> {
@@ -83,7 +83,8 @@ pub(crate) fn sections(records: &[Record]) -> Vec<Section> {
         .collect()
 }
 
-fn is_of_builder(row: &Row<'_>) -> bool {
+/// Whether a row shows a tree as its builder built it.
+pub(crate) fn is_of_builder(row: &Row<'_>) -> bool {
     let build = row.build();
     build.structure == "kd" && build.layout == "binary"
 }

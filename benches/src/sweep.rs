@@ -354,3 +354,15 @@ fn steps_of(structure: &dyn Structure, workload: &Workload) -> Option<Steps> {
     }
     Some(sum)
 }
+
+/// The arguments of a command line, for tests.
+#[cfg(test)]
+fn parsed<T: Into<std::ffi::OsString> + Clone>(
+    arguments: impl IntoIterator<Item = T>,
+) -> BenchArgs {
+    use clap::FromArgMatches as _;
+
+    let command = BenchArgs::augment_args(clap::Command::new("bench").no_binary_name(true));
+    let matches = command.try_get_matches_from(arguments).expect("valid");
+    BenchArgs::from_arg_matches(&matches).expect("valid")
+}

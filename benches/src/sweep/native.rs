@@ -116,21 +116,8 @@ fn is_same_row(a: &Record, b: &Record) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser as _;
-
     use super::*;
-
-    #[derive(clap::Parser)]
-    struct Bench {
-        #[command(flatten)]
-        arguments: BenchArgs,
-    }
-
-    fn parsed(command: &str) -> BenchArgs {
-        Bench::try_parse_from(command.split(' '))
-            .expect("valid")
-            .arguments
-    }
+    use crate::sweep::parsed;
 
     #[test]
     fn rows_are_replaced_whole() {
@@ -169,7 +156,8 @@ mod tests {
     #[test]
     fn our_hierarchies_are_no_rivals() {
         let to_measure = |arguments: &str| {
-            let arguments = parsed(&format!("bench --peers --structure {arguments}"));
+            let call = format!("--peers --structure {arguments}");
+            let arguments = parsed(call.split(' '));
             to_measure(&variants::choose(&arguments).expect("some"))
         };
         let none: [StructureName; 0] = [];
@@ -207,10 +195,12 @@ mod tests {
 
     #[test]
     fn the_other_program_gets_the_same_arguments() {
-        let ours = "bench --peers --scenes dir --scene a,b --builder medium --threads 2 --samples 5 --smoke";
-        let arguments = parsed(ours);
+        let ours =
+            "--peers --scenes dir --scene a,b --builder medium --threads 2 --samples 5 --smoke";
+        let arguments = parsed(ours.split(' '));
         let call = call(&arguments, &[StructureName::Obvhs]);
-        let theirs = Bench::try_parse_from(call).expect("valid").arguments;
+        assert_eq!(call[0], "bench", "the command");
+        let theirs = parsed(call.into_iter().skip(1));
         assert_eq!(theirs.structure, [StructureName::Obvhs], "only the rival");
         assert_eq!(
             (

@@ -97,19 +97,11 @@ pub(crate) fn without_repeats<T: Copy + PartialEq>(values: &[T]) -> Vec<T> {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser as _;
-
     use super::*;
-
-    #[derive(clap::Parser)]
-    struct Bench {
-        #[command(flatten)]
-        arguments: BenchArgs,
-    }
+    use crate::sweep::parsed;
 
     fn chosen(arguments: &[&str]) -> Result<String, String> {
-        let all = [&["bench"], arguments].concat();
-        let Bench { arguments } = Bench::try_parse_from(all).expect("valid");
+        let arguments = parsed(arguments.iter().copied());
         let variants = choose(&arguments).map_err(|why| why.to_string())?;
         let names: Vec<String> = variants.iter().map(ToString::to_string).collect();
         Ok(names.join(" "))
