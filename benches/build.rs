@@ -1,9 +1,9 @@
-//! Tells the program which compiler built it, and with which flags, for the record.
+//! Passes the compiler's version and flags to the program, for the record.
 
 use std::process::Command;
 
 fn main() {
-    let rustc = std::env::var("RUSTC").expect("cargo names the compiler");
+    let rustc = std::env::var("RUSTC").expect("cargo sets RUSTC");
     let output = Command::new(rustc)
         .arg("--version")
         .output()

@@ -1,11 +1,11 @@
-//! Scenes that move: read from folders of baked frames, and generated.
+//! Moving scenes: folders of baked frames, and generated ones.
 //!
 //! ```text
 //! manifest.json    frames, groups of triangles that matrices move, light, view; or triangles between key positions
-//! static.ply       what stands still; may be missing
+//! static.ply       the static triangles; optional
 //! group_*.ply      triangles of each group, before its matrix
 //! matrices.f32     [frame][group][3][4], rows, to the world
-//! camera.f32       [frame][position 3, direction 3, up 3]; may be missing
+//! camera.f32       [frame][position 3, direction 3, up 3]; optional
 //! tpa_keys.f32     [key][triangle][vertex 3][3]; or
 //! positions.f32    [frame][vertex][3], over the triangles of frame0.ply
 //! ```
@@ -19,23 +19,23 @@ use kd::{Mesh, PartId};
 use kd_scene::{Camera, Spd};
 use serde::Deserialize;
 
-/// What stands still, and what moves.
+/// Static and moving meshes.
 #[derive(Debug)]
 pub(crate) struct Animation {
     pub(crate) name: String,
     pub(crate) fixed: Arc<Mesh>,
-    /// Each in the place where its motion starts from.
+    /// Each in the position where its motion starts.
     pub(crate) groups: Vec<Arc<Mesh>>,
     motion: Motion,
     cameras: Vec<Camera>,
     pub(crate) light: Vec3,
-    /// The frames to look at, and what to call them.
+    /// The frames to measure, with their labels.
     pub(crate) rows: Vec<(String, usize)>,
 }
 
 #[derive(Debug)]
 enum Motion {
-    /// Of every group, frame by frame.
+    /// Of every group, by frame.
     Matrices(Vec<Affine3A>),
     /// Of the one group.
     Positions(Vec<Vec<[f32; 3]>>),
@@ -76,7 +76,7 @@ struct View {
     angle: [f32; 1],
 }
 
-/// How many frames are looked at.
+/// The number of frames to measure.
 const ROWS: usize = 10;
 
 impl Animation {
@@ -91,16 +91,16 @@ impl Animation {
     }
 
     fn of_manifest(folder: &Path, manifest: &Manifest) -> anyhow::Result<Self> {
-        let still = folder.join("static.ply");
-        let fixed = if still.exists() {
-            kd::load_mesh(still)?
+        let path = folder.join("static.ply");
+        let fixed = if path.exists() {
+            kd::load_mesh(path)?
         } else {
             Mesh::new(vec![], vec![])?
         };
         let times = manifest.anim.as_ref();
         let frames = times.map(|times| times.frames).or(manifest.frames);
-        let frames = frames.context("how many frames there are is not told")?;
-        ensure!(frames > 0, "there are no frames");
+        let frames = frames.context("the number of frames is missing")?;
+        ensure!(frames > 0, "the number of frames is 0");
         let (groups, motion) = if let (Some(keys), Some(times)) = (&manifest.tpa, times) {
             free_triangles(folder, keys, times)?
         } else if manifest.groups.is_empty() {
@@ -161,14 +161,13 @@ impl Animation {
         Ok(animation)
     }
 
-    /// A room with clutter of about `size`³ half thousand triangles in its middle, and an object of about that share of them
-    /// that comes in from outside the clutter until it is all over it.
+    /// A room with clutter of about 570 · `size`³ triangles in its middle, and an object of about `share` of that number, which
+    /// moves from outside the clutter inwards and finally covers it.
     pub(crate) fn generated(size: u32, share: f64) -> anyhow::Result<Self> {
-        Self::with_object(size, |still| share * still as f64)
+        Self::with_object(size, |fixed| share * fixed as f64)
     }
 
-    /// [`generated`](Self::generated) with an object of about as many triangles as are told, by the number of those that stand
-    /// still.
+    /// [`generated`](Self::generated) with an object of about `moving` triangles, a function of the number of static ones.
     pub(crate) fn with_object(size: u32, moving: impl Fn(usize) -> f64) -> anyhow::Result<Self> {
         let clutter = Spd::Gears.generate(size)?.mesh;
         let bounds = clutter.bounds();
@@ -223,14 +222,14 @@ impl Animation {
         &self.cameras[frame]
     }
 
-    /// A frame to come from: the one before, or for the first the one after.
+    /// The frame before, or for the first the one after.
     pub(crate) fn before(&self, frame: usize) -> usize {
         frame
             .checked_sub(1)
             .unwrap_or(1.min(self.cameras.len() - 1))
     }
 
-    /// Tells a scene, whose parts the groups are, where everything is in a frame.
+    /// Moves the parts of a scene, one for each group, to a frame.
     pub(crate) fn set(
         &self,
         scene: &mut kd::Scene,
@@ -249,7 +248,7 @@ impl Animation {
         Ok(())
     }
 
-    /// The groups where they are in a frame.
+    /// The groups in their positions of a frame.
     pub(crate) fn moved(&self, frame: usize) -> anyhow::Result<Vec<Mesh>> {
         Ok(match &self.motion {
             Motion::Matrices(matrices) => {
@@ -266,7 +265,7 @@ impl Animation {
         })
     }
 
-    /// Everything in a frame as one mesh, what stands still first.
+    /// All triangles of a frame as one mesh, the static ones first.
     pub(crate) fn whole(&self, frame: usize) -> anyhow::Result<Mesh> {
         let moved = self.moved(frame)?;
         let all = std::iter::once(&*self.fixed).chain(&moved);
@@ -274,7 +273,7 @@ impl Animation {
     }
 }
 
-/// What a pose of the generated object is called, where it is in extents of the clutter, and its size.
+/// Poses of the generated object: label, position in extents of the clutter, size.
 const POSES: [(&str, Vec3, f32); 6] = [
     ("outside", Vec3::new(0.8, 0.05, 0.1), 0.2),
     ("at the edge", Vec3::new(0.6, 0.05, 0.1), 0.2),
@@ -327,7 +326,7 @@ fn matrix(rows: &[f32; 12]) -> Affine3A {
     }
 }
 
-/// Triangles that share no vertices and go from key to key.
+/// Triangles without common vertices that move from key to key.
 fn free_triangles(
     folder: &Path,
     keys: &Keys,
@@ -367,7 +366,7 @@ fn free_triangles(
     Ok((vec![mesh], Motion::Positions(positions)))
 }
 
-/// One mesh of which every frame has other positions.
+/// One mesh with new positions in every frame.
 fn deforming(folder: &Path, frames: usize) -> anyhow::Result<(Vec<Mesh>, Motion)> {
     let mesh = kd::load_mesh(folder.join("frame0.ply"))?;
     let all = floats(&folder.join("positions.f32"))?;
@@ -423,7 +422,7 @@ mod tests {
             format!("{:#}", Animation::load(folder.path()).expect_err("refused"))
         };
         assert!(refused("{").contains("manifest.json"), "no JSON");
-        assert!(refused("{}").contains("how many frames"), "no frames");
+        assert!(refused("{}").contains("number of frames"), "no frames");
         let lacking = refused(r#"{"frames": 2}"#);
         assert!(lacking.contains("frame0.ply"), "no mesh: {lacking}");
     }

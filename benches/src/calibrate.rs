@@ -1,11 +1,11 @@
-//! What the steps of our traversal cost: the constants of [`CostModel::PACKED`].
+//! The costs of the steps of our traversal: the constants of [`CostModel::PACKED`].
 //!
-//! Trees over the chosen scenes are built for several cost models, so that the number of nodes and of blocks on a ray's
-//! way varies. Rays of all kinds are timed in groups of neighbours, and the steps of each group counted. Least squares
-//! then say what a step of each sort takes.
+//! Trees over the chosen scenes are built for several cost models, so that the numbers of nodes and of blocks on a ray's path
+//! vary. Rays of all kinds are timed in groups of neighbours, and the steps of each group are counted. Least squares give the
+//! time of each kind of step.
 //!
-//! Counts are not all there is: a tree with more references also misses caches more often. So rays are traced once more
-//! in trees built around the fitted constants, against the one built with them.
+//! Counts do not cover caches, which a tree with more references misses more often. So rays are also traced in trees of models
+//! around the fitted one, compared with the tree of the fitted one.
 
 mod fit;
 mod neighbours;
@@ -20,7 +20,7 @@ use kd::layout::TraversalCounts;
 use kd::{BuildOptions, CostModel, KdTree, Layout, Ray};
 use serde::Serialize;
 
-use crate::cli::name_of;
+use crate::arguments::at_least_one;
 use crate::environment::Environment;
 use crate::rays::{self, RayKind, RaySource};
 use crate::run_folder;
@@ -39,26 +39,26 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     scene: Vec<String>,
 
-    /// Tiny scenes: a check that everything works, in seconds. The constants are worth nothing
+    /// Tiny scenes: a check that the command works, in seconds. The constants are meaningless
     #[arg(long)]
     smoke: bool,
 
-    /// Times each group is traced, of which the fastest counts
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = crate::cli::at_least_one)]
+    /// Passes over each group, of which the fastest counts
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = at_least_one)]
     samples: usize,
 
-    /// Also write what is printed to this file, as JSON
+    /// Also write the results to this file, as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
-/// Rays timed together: neighbours, for some tenths of a millisecond.
+/// Neighbours that are timed together, for some tenths of a millisecond.
 const GROUP: usize = 1024;
 /// Groups of a kind on a scene.
 const GROUPS: usize = 12;
 /// Pixels along the side of the image that rays are made from.
 const SIDE: u32 = 512;
-/// Models whose trees are measured for the fit: shallow to deep, with and without splits for the sake of empty space.
+/// Models whose trees are measured for the fit: shallow to deep, with and without a bonus for empty space.
 const MODELS: [CostModel; 5] = [
     with(0.02, 0.8),
     with(0.06, 0.8),
@@ -86,7 +86,7 @@ struct Workload {
 /// The names of the terms of [`Equation::counts`].
 const TERM_NAMES: [&str; TERMS] = ["set-up", "node", "leaf", "block", "decision"];
 
-/// A calibration, as its file has it.
+/// A calibration, as in its file.
 #[derive(Debug, Serialize)]
 struct Calibration {
     schema: u32,
@@ -129,18 +129,18 @@ pub(crate) fn run(arguments: &CalibrateArgs) -> anyhow::Result<bool> {
         workloads.push(workload);
     }
     let Some(fit) = fit::fit(&equations) else {
-        eprintln!("no rays hit anything, so there is nothing to fit");
+        eprintln!("no ray hits anything: nothing to fit");
         return Ok(false);
     };
     let intersect = slot_cost(&fit, &equations);
     if !(intersect.is_finite() && intersect > 0.0) {
-        eprintln!("nodes or blocks came out free: {fit:?}");
+        eprintln!("the fit gives nodes or blocks no cost: {fit:?}");
         return Ok(false);
     }
     print_fit(&fit, equations.len(), intersect);
     let comparisons = compare(&workloads, intersect, arguments.samples)?;
     neighbours::print(&comparisons);
-    if let Some(path) = &arguments.json {
+    if arguments.json.is_some() {
         let environment = Environment::detect();
         let calibration = Calibration {
             schema: 1,
@@ -160,16 +160,15 @@ pub(crate) fn run(arguments: &CalibrateArgs) -> anyhow::Result<bool> {
         };
         let mut text = serde_json::to_string_pretty(&calibration)?;
         text.push('\n');
-        run_folder::write(path, text)?;
-        println!("wrote {}", path.display());
+        run_folder::write_all([arguments.json.clone()], text)?;
     }
     Ok(true)
 }
 
 /// K_I per slot at K_T 1.
 ///
-/// The model has no cost for a visit to a leaf, but it takes longer than a node: the way back to the stack is seldom
-/// foreseen. Leaves come with the nodes above them, so it is charged to these.
+/// The model has no cost for a visit to a leaf, which takes longer than a node: its return to the stack is rarely predicted. Each
+/// leaf follows nodes, so its cost is added to theirs.
 fn slot_cost(fit: &Fit, equations: &[Equation]) -> f64 {
     let sum = |term: usize| -> f64 { equations.iter().map(|e| e.counts[term]).sum() };
     let [_, node, leaf, block, _] = fit.costs;
@@ -218,16 +217,16 @@ impl Workload {
     }
 }
 
-/// The tree that divides for as long as the model says that it pays.
+/// The tree under a cost model.
 fn build(scene: &Scene, cost: CostModel) -> anyhow::Result<KdTree> {
-    // The layout whose steps the model weighs.
+    // The layout of the steps in the model.
     let options = BuildOptions::best()
         .with_cost(cost)
         .with_layout(Layout::Binary);
     Ok(KdTree::build(Arc::clone(&scene.mesh), &options)?)
 }
 
-/// The steps of a group of rays and the least nanoseconds they took, both per ray.
+/// The steps of a group of rays and their least nanoseconds, both per ray.
 fn equation(tree: &KdTree, kind: RayKind, rays: &[Ray], samples: usize) -> Equation {
     let mut sums = [0_u64; TERMS];
     for ray in rays {
@@ -266,9 +265,4 @@ fn seconds(tree: &KdTree, kind: RayKind, rays: &[Ray]) -> f64 {
     };
     black_box(hits);
     start.elapsed().as_secs_f64()
-}
-
-/// The name of a kind, for a table.
-fn title(kind: RayKind) -> String {
-    name_of(&kind)
 }

@@ -1,19 +1,19 @@
-//! Whether the answers are right: a wrong answer is an error, never a fast result.
+//! Checks of answers: a wrong answer is an error, never a fast result.
 
 use kd::{Hit, Mesh, Ray};
 
 use crate::rays::RayKind;
 use crate::record::hash_of_ids;
 
-/// How far a rival's `t` may be off, as a part of it.
+/// The relative error that is allowed in a rival's `t`.
 const T_TOLERANCE: f32 = 1e-3;
 
-/// Whether a rival's `t` is ours, as far as [`T_TOLERANCE`] goes.
+/// Whether a rival's `t` equals ours within [`T_TOLERANCE`].
 pub(crate) fn are_close(ours: f32, theirs: f32) -> bool {
     (ours - theirs).abs() <= T_TOLERANCE * ours.abs()
 }
 
-/// What a structure said about a list of rays.
+/// The answers of a structure to a list of rays.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Answers {
     Closest(Vec<Option<Hit>>),
@@ -48,8 +48,8 @@ impl Answers {
         }
     }
 
-    /// What decides whether an answer is the same one: hit or miss, and for a closest hit the triangle and the bits of
-    /// t. The weights u and v follow from these.
+    /// The parts of an answer that are compared: hit or miss, and for a closest hit the triangle and the bits of t. The
+    /// weights u and v follow from these.
     fn identity(&self, index: usize) -> Option<(u32, u32)> {
         match self {
             Self::Closest(hits) => hits[index].map(|hit| (hit.t.to_bits(), hit.triangle)),
@@ -68,8 +68,8 @@ impl Answers {
             .collect()
     }
 
-    /// The rays that a rival answers differently, as far as libraries with other triangle tests can be compared: hit
-    /// or miss, and for closest hits `t` within [`T_TOLERANCE`].
+    /// The rays that a rival, whose triangle test is another one, answers differently: hit or miss, and for closest hits
+    /// `t` within [`T_TOLERANCE`].
     pub(crate) fn disagreements(&self, rival: &Self) -> Vec<usize> {
         let agree = |ours: &Option<Hit>, theirs: &Option<Hit>| match (ours, theirs) {
             (Some(a), Some(b)) => are_close(a.t, b.t),
@@ -96,8 +96,8 @@ pub(crate) struct BruteForce {
 }
 
 impl BruteForce {
-    /// Asks about rays spread evenly over the list, as many as `tests` ray-triangle tests allow but no fewer than `least`,
-    /// on all cores: nothing is timed here.
+    /// Tests rays spread evenly over the list, as many as `tests` ray-triangle tests allow but at least `least`. Runs on all
+    /// cores, since nothing is timed here.
     pub(crate) fn sample(
         mesh: &Mesh,
         kind: RayKind,
@@ -182,7 +182,11 @@ mod tests {
             hit(2.0, 5),
             hit(0.0, 5),
         ]);
-        assert_eq!(right.differences(&wrong), [0, 1, 2], "each in its own way");
+        assert_eq!(
+            right.differences(&wrong),
+            [0, 1, 2],
+            "three kinds of difference"
+        );
         assert_eq!(right.differences(&right), [0; 0], "none with itself");
         let (right, wrong) = (
             Answers::Any(vec![true, false]),
@@ -229,6 +233,6 @@ mod tests {
     fn rays_print_as_source() {
         let ray = Ray::new([0.1, 2.0, 1e-9], [0.0, -1.0, 0.0]);
         let source = "Ray::new([0.1, 2.0, 1e-9], [0.0, -1.0, 0.0]).with_range(0.0, f32::INFINITY)";
-        assert_eq!(as_source(&ray), source, "it compiles as it stands");
+        assert_eq!(as_source(&ray), source, "it compiles");
     }
 }

@@ -1,5 +1,5 @@
-//! What changed between two runs. Exact values must be equal, but for rivals, which are not ours to hold; times are
-//! shown for information, since a machine's moods are not a fault.
+//! The differences of two runs. Exact values must be equal, except of rivals, which may change with their libraries; times
+//! are printed for information, since they vary with the load of the machine.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::record::{self, Record};
-use crate::terminal::three_digits;
+use crate::summary::three_digits;
 
 /// Prints the differences; false if there is an exact one.
 pub(crate) fn run(before: &Path, after: &Path) -> anyhow::Result<bool> {
@@ -110,7 +110,7 @@ fn by_cell(records: &[Record]) -> anyhow::Result<BTreeMap<String, &Record>> {
         let cell = record.cell();
         anyhow::ensure!(
             cells.insert(cell.clone(), record).is_none(),
-            "{cell} is there twice"
+            "{cell} occurs twice"
         );
     }
     Ok(cells)

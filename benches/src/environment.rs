@@ -1,21 +1,21 @@
-//! Where a measurement was made.
+//! The machine, the compiler and the commit of a measurement.
 
 use std::fs;
 use std::process::Command;
 
 use crate::run_folder::workspace_root;
 
-/// The part of a record that is the same for a whole run.
+/// The fields of a record that are equal in a whole run.
 #[derive(Clone, Debug)]
 pub(crate) struct Environment {
-    /// Commit of the workspace, with `-dirty` where it has changes, or `unknown`.
+    /// Commit of the workspace, with `-dirty` if it has changes, or `unknown`.
     pub(crate) rev: String,
     pub(crate) cpu: String,
     /// Version of the compiler that built this program.
     pub(crate) rustc: String,
-    /// The flags it was given.
+    /// The flags of the compiler.
     pub(crate) rustflags: String,
-    /// The widest vector instructions that rays are traced with.
+    /// The widest vector instructions that trace rays.
     pub(crate) simd: String,
 }
 
@@ -67,7 +67,7 @@ fn cpu() -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
-/// What a tree detects, or what the whole program was compiled for.
+/// The level that a tree detects, or the target of the whole program.
 fn simd() -> &'static str {
     let level = kd::layout::Level::detect();
     if level == kd::layout::Level::portable() {

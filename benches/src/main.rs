@@ -1,26 +1,30 @@
-//! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes
-//! what it saw as a table, as records (one JSON line per cell) and as an HTML report.
+//! The measuring program of kd: builds trees over scenes, traces rays through them, checks every answer, and writes tables,
+//! records (one JSON line per cell) and an HTML report.
 //!
-//! Started by `cargo xtask bench | builds | rays | merges | structures | paper | instructions | report | calibrate | compare`.
+//! Every command measures cells ([`record`]) of a scene ([`session`]) and prints views of them ([`view`], [`summary`]). Modules
+//! import from those below: commands, then session, workload and structures, then record, names and helpers.
+//!
+//! Started by `cargo xtask bench | builds | rays | merges | structures | paper | instructions | report | calibrate | compare |
+//! results`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
-    reason = "a command line program talks to its user there"
+    reason = "the output of a command line program"
 )]
 
 mod animation;
+mod arguments;
 mod builds;
 mod calibrate;
 mod check;
 mod cli;
 mod compare;
 mod environment;
-mod goals;
 mod instructions;
 mod measure;
 mod memory;
 mod merges;
-mod native;
+mod names;
 mod ours;
 mod paper;
 mod peers;
@@ -30,23 +34,28 @@ mod ray_speeds;
 mod rays;
 mod record;
 mod report;
+mod results;
 mod run_folder;
 mod sampling;
 mod scene_table;
 mod scene_views;
 mod scenes;
+mod session;
 mod structure;
 mod structures;
+mod summary;
 mod sweep;
-mod terminal;
-mod variants;
+mod text;
+mod variant;
+mod view;
 mod workload;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser as _};
 
-use cli::{Cli, Command, UsageError};
+use arguments::UsageError;
+use cli::{Cli, Command};
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
@@ -60,6 +69,7 @@ fn main() -> ExitCode {
         Command::Report { run } => report::rewrite(&run),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Compare { before, after } => compare::run(&before, &after),
+        Command::Results(arguments) => results::run(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

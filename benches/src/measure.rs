@@ -1,12 +1,13 @@
-//! Taking times, in pairs.
+//! Timing in pairs.
 
+use std::convert::Infallible;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use kd::Ray;
 
 use crate::check::Answers;
-use crate::structure::Structure;
+use crate::structure::{Manner, Structure};
 
 /// Seconds of each repeat, and of the baseline just before it.
 #[derive(Clone, Debug, Default)]
@@ -23,16 +24,25 @@ impl Pairs {
     }
 }
 
-/// How often to time something: so many pairs, or fewer once this much time is spent, but always one.
+/// The number of pairs, at least one; no further pair begins after `until`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Repeats {
     pub(crate) pairs: usize,
     pub(crate) until: Duration,
 }
 
-/// Runs the baseline and then `own`, so many times. A machine that other programs slow down for a while slows both of a
-/// pair, so their ratio survives where plain times do not. What they return is dropped when the clock has stopped.
-/// No further pair begins after [`Repeats::until`].
+impl Repeats {
+    /// All pairs, however long they take.
+    pub(crate) const fn all(pairs: usize) -> Self {
+        Self {
+            pairs,
+            until: Duration::MAX,
+        }
+    }
+}
+
+/// Runs the baseline and then `own`, in turns. A machine that other programs slow down slows both of a pair, so their ratio is
+/// stable where plain times are not. Results are dropped after the clock has stopped.
 pub(crate) fn in_pairs<T, E>(
     repeats: Repeats,
     mut baseline: impl FnMut() -> Result<T, E>,
@@ -41,7 +51,21 @@ pub(crate) fn in_pairs<T, E>(
     timed_in_pairs(repeats, || seconds(&mut baseline), || seconds(&mut own))
 }
 
-/// The same for what takes its own time and returns the seconds.
+/// [`in_pairs`] for work that cannot fail.
+pub(crate) fn in_sure_pairs(
+    repeats: Repeats,
+    mut baseline: impl FnMut(),
+    mut own: impl FnMut(),
+) -> Pairs {
+    let sure = |work: &mut dyn FnMut()| {
+        work();
+        Ok::<(), Infallible>(())
+    };
+    let Ok(pairs) = in_pairs(repeats, || sure(&mut baseline), || sure(&mut own));
+    pairs
+}
+
+/// [`in_pairs`] for work that takes its own time and returns the seconds.
 pub(crate) fn timed_in_pairs<E>(
     repeats: Repeats,
     mut baseline: impl FnMut() -> Result<f64, E>,
@@ -58,7 +82,8 @@ pub(crate) fn timed_in_pairs<E>(
     Ok(pairs)
 }
 
-fn seconds<T, E>(work: &mut impl FnMut() -> Result<T, E>) -> Result<f64, E> {
+/// Seconds of one run of `work`, without the drop of its result.
+pub(crate) fn seconds<T, E>(work: impl FnOnce() -> Result<T, E>) -> Result<f64, E> {
     let start = Instant::now();
     let result = work()?;
     let seconds = start.elapsed().as_secs_f64();
@@ -66,25 +91,24 @@ fn seconds<T, E>(work: &mut impl FnMut() -> Result<T, E>) -> Result<f64, E> {
     Ok(seconds)
 }
 
-/// Rays that a thread takes at a time, where there are several.
+/// Rays that a thread takes at a time, if there are several threads.
 const CHUNK: usize = 4096;
 
-/// Traces all rays on so many threads and keeps the answers.
+/// Traces all rays on `threads` threads.
 pub(crate) fn trace(
     structure: &dyn Structure,
+    by: Manner,
     rays: &[Ray],
     answers: &mut Answers,
     threads: usize,
 ) {
     match answers {
-        Answers::Closest(hits) => {
-            in_chunks(rays, hits, threads, |rays, hits| {
-                structure.closest(rays, hits);
-            });
-        }
-        Answers::Any(hits) => {
-            in_chunks(rays, hits, threads, |rays, hits| structure.any(rays, hits));
-        }
+        Answers::Closest(hits) => in_chunks(rays, hits, threads, |rays, hits| {
+            structure.closest(by, rays, hits);
+        }),
+        Answers::Any(hits) => in_chunks(rays, hits, threads, |rays, hits| {
+            structure.any(by, rays, hits);
+        }),
     }
 }
 
@@ -142,7 +166,7 @@ mod tests {
             ..three
         };
         let pairs = in_pairs(no_time, || note('b'), || note('o')).expect("neither fails");
-        assert_eq!(pairs.own.len(), 1, "one pair at least");
+        assert_eq!(pairs.own.len(), 1, "at least one pair");
     }
 
     #[test]

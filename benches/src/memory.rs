@@ -1,12 +1,11 @@
-//! How much memory a piece of work needs at its highest point.
+//! The peak memory of a piece of work.
 //!
-//! Every thread counts for itself. So the number is the same every time, whatever other threads do meanwhile (those of
-//! a dropped thread pool end when they like), and counting costs a parallel build no shared cache line. Only while the
-//! peak of several threads together is asked for do they also share one count. Allocators from registries that count
-//! always do so.
+//! Every thread has its own count. So the number is the same in every run, independent of other threads (those of a dropped
+//! thread pool end at any time), and counting costs a parallel build no shared cache line. Threads share a count only during
+//! [`peak_of_all_threads_during`]. The counting allocators of registries always share one.
 #![allow(
     unsafe_code,
-    reason = "an allocator can only be written with it; every call is handed on as it comes"
+    reason = "an allocator can only be written with it; every call is passed on unchanged"
 )]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -24,7 +23,7 @@ struct CountingAllocator;
 struct Bytes {
     /// Allocated less freed by this thread; below 0 where it frees what others allocated.
     in_use: isize,
-    /// The most that `in_use` has been since it was last 0 by [`bytes_during`].
+    /// The peak of `in_use` since [`bytes_during`] set it to 0.
     peak: isize,
 }
 
@@ -34,16 +33,16 @@ thread_local! {
     static BYTES: Cell<Bytes> = const { Cell::new(NONE) };
 }
 
-/// What a piece of work took, above what was allocated before.
+/// Bytes that a piece of work allocated, above those before it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taken {
-    /// The most that was allocated at a time.
+    /// The peak of allocated bytes.
     pub(crate) peak: usize,
-    /// What was still allocated when the work was done.
+    /// Bytes still allocated at the end.
     pub(crate) kept: usize,
 }
 
-/// Runs `work` and tells what this thread allocated during it. A reallocation counts as the bytes it grows by.
+/// Runs `work` and counts the bytes that this thread allocates during it. A reallocation counts as the bytes it grows by.
 pub(crate) fn bytes_during<T>(work: impl FnOnce() -> T) -> (T, Taken) {
     BYTES.set(NONE);
     let result = work();
@@ -55,13 +54,13 @@ pub(crate) fn bytes_during<T>(work: impl FnOnce() -> T) -> (T, Taken) {
     (result, taken)
 }
 
-/// Whether all threads count together, and what they counted since they do.
+/// Whether all threads count together, and their counts since then.
 static TOGETHER: AtomicBool = AtomicBool::new(false);
 static IN_USE: AtomicIsize = AtomicIsize::new(0);
 static PEAK: AtomicIsize = AtomicIsize::new(0);
 
-/// Runs `work` and tells the most bytes that all threads together had allocated at a time during it, above what was
-/// allocated before. Only one such piece of work runs at a time; what else the program does meanwhile counts as well.
+/// Runs `work` and returns the peak of bytes that all threads together allocate during it, above those before it. Only one
+/// such piece of work runs at a time; other work of the program at that time counts too.
 pub(crate) fn peak_of_all_threads_during<T>(work: impl FnOnce() -> T) -> (T, usize) {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let turn = ONE_AT_A_TIME.lock();
@@ -75,13 +74,13 @@ pub(crate) fn peak_of_all_threads_during<T>(work: impl FnOnce() -> T) -> (T, usi
     (result, peak)
 }
 
-/// Takes note of so many bytes more, or less. Neither allocates nor panics.
+/// Adds a change of the number of bytes. Neither allocates nor panics.
 fn count(change: isize) {
     if TOGETHER.load(Ordering::Relaxed) {
         let in_use = IN_USE.fetch_add(change, Ordering::Relaxed) + change;
         PEAK.fetch_max(in_use, Ordering::Relaxed);
     }
-    // A thread that is ending may have lost its count, and nobody is going to ask for it.
+    // A thread that ends may have lost its count, which is not needed any more.
     let _ = BYTES.try_with(|bytes| {
         let Bytes { in_use, peak } = bytes.get();
         let in_use = in_use.wrapping_add(change);

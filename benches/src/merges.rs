@@ -1,11 +1,9 @@
-//! What merging trees costs and is worth: an object swept from outside into clutter that stands still, each of the methods of
-//! `kd-merge` against building everything anew.
+//! What merges of trees cost and are worth: an object that moves from outside into static clutter, by each method of
+//! `kd-merge`, over rebuilds.
 
 use std::hint::black_box;
 use std::path::PathBuf;
-use std::time::Duration;
 
-use anyhow::Context as _;
 use clap::Args;
 use kd::glam::Vec3;
 use kd::layout::PackedTree;
@@ -17,21 +15,22 @@ use kd_merge::{
 };
 use kd_scene::{Camera, Spd};
 
-use crate::cli::at_least_one;
-use crate::goals::{Goal, Row, Table, geometric_mean};
-use crate::measure::{self, Repeats};
+use crate::arguments::{at_least_one, name_of};
+use crate::environment::Environment;
+use crate::measure::{in_pairs, in_sure_pairs};
 use crate::rays::{self, RayKind, RaySource};
-use crate::record::median_ratio;
-use crate::{run_folder, terminal};
+use crate::session::Session;
+use crate::view::View;
+use crate::{run_folder, text};
 
 /// What to measure.
 #[derive(Args, Debug)]
 pub(crate) struct MergesArgs {
-    /// Timed repeats of everything, each after one of what it is compared with
+    /// Timed repeats of each measurement, each after one of the baseline
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = at_least_one)]
     samples: usize,
 
-    /// Small meshes and few rays: a check that everything works
+    /// Small meshes and few rays: a check that the command works
     #[arg(long)]
     smoke: bool,
 
@@ -40,7 +39,7 @@ pub(crate) struct MergesArgs {
     json: Option<PathBuf>,
 }
 
-/// Where the object is, in sizes of what stands still, and how large.
+/// The place of the object in sizes of the static mesh, and its size.
 const POSES: [(&str, Vec3, f32); 5] = [
     ("outside", Vec3::new(0.8, 0.05, 0.1), 0.2),
     ("at the wall", Vec3::new(0.55, 0.05, 0.1), 0.2),
@@ -49,7 +48,7 @@ const POSES: [(&str, Vec3, f32); 5] = [
     ("all over it", Vec3::ZERO, 1.0),
 ];
 
-/// A way to put two trees together.
+/// A method to merge two trees.
 #[derive(Clone, Copy, Debug)]
 enum Method {
     PartitionTrees,
@@ -58,7 +57,7 @@ enum Method {
     Clusters,
 }
 
-/// Triangles to a cluster, at most. (Updates with 64 and 256 took within 3 % of the same time.)
+/// Upper limit of triangles in a cluster. (Updates with 64 and 256 take the same time within 3 %.)
 const CLUSTER: usize = 1024;
 
 const METHODS: [(&str, Method); 4] = [
@@ -68,92 +67,57 @@ const METHODS: [(&str, Method); 4] = [
     ("clusters", Method::Clusters),
 ];
 
-/// How often ours is as fast as building anew with `best` and with `fast`; its SAH cost over that of `best`, and its times for
-/// [`KINDS`] of rays.
-#[derive(Clone, Copy, Debug)]
-struct Figures {
-    over_best: f64,
-    over_fast: f64,
-    cost: f64,
-    times: [f64; KINDS.len()],
-}
-
 const KINDS: [RayKind; 2] = [RayKind::Primary, RayKind::Random];
 
-/// Measures, prints and writes; false if a merged tree misses something. A goal that is not met is said, and is no failure.
+/// The rebuilds that merges are compared with, by tree construction only.
+const REBUILT: [&str; 2] = ["kd/best/tree", "kd/fast/tree"];
+
+/// The name of a method in cells.
+fn subject(method: &str) -> String {
+    format!("merge/{method}/tree")
+}
+
+/// Measures, prints and writes; false if a merged tree misses a triangle.
 pub(crate) fn run(arguments: &MergesArgs) -> anyhow::Result<bool> {
-    let (still_size, moving_size) = if arguments.smoke { (1, 1) } else { (8, 2) };
-    let still = Spd::Gears.generate(still_size)?.mesh;
+    let (static_size, moving_size) = if arguments.smoke { (1, 1) } else { (8, 2) };
+    let fixed = Spd::Gears.generate(static_size)?.mesh;
     let moving = Spd::Balls.generate(moving_size)?.mesh;
     println!(
-        "{} triangles that stand still (gears), {} that move (balls)",
-        still.len(),
+        "{} static triangles (gears), {} moving (balls)",
+        fixed.len(),
         moving.len()
     );
-    let mut measured: Vec<[Figures; METHODS.len()]> = Vec::new();
-    let mut problems = Vec::new();
+    let environment = Environment::detect();
+    let (mut cells, mut problems) = (Vec::new(), Vec::new());
     for (pose, place, size) in POSES {
         eprintln!("{pose}");
-        let scene = Scene::new(&still, placed(&moving, &still, place, size)?)?;
-        let built = scene.build_anew()?;
-        let mut of_pose = Vec::new();
+        let scene = Scene::new(&fixed, placed(&moving, &fixed, place, size)?)?;
+        let rebuilt = build(&scene.both, &BuildOptions::best())?;
+        let mut session = Session::new(&environment, pose, scene.both.len(), arguments.samples);
         for (name, method) in METHODS {
             let (tree, merged) = scene.merged(method)?;
             eprintln!("  {name}: {merged:?}");
             if let Err(missing) = tree.check_coverage(&scene.both) {
                 problems.push(format!("{pose}, {name}: {missing}"));
             }
-            of_pose.push(scene.measure(method, &tree, &built, arguments.samples)?);
+            scene.measure(&mut session, (name, method), [&rebuilt, &tree])?;
         }
-        let of_pose = <[Figures; METHODS.len()]>::try_from(of_pose)
-            .ok()
-            .context("one for each method")?;
-        measured.push(of_pose);
+        cells.extend(session.cells);
     }
-    let table = table(&measured);
+    let table = View::named(&["merges"], ("", ""))?.of(&cells);
     println!("{table}");
     println!(
-        "one thread, medians of {} pairs; an update is the object's tree by `fast`, which insertion does without, and its merge into that of the rest",
+        "one thread, medians of {} pairs; an update builds the object's tree by `fast`, except for insertion, and merges it into \
+         the static tree",
         arguments.samples
     );
-    if let Some(path) = &arguments.json {
-        run_folder::write(path, table.to_lines()?)?;
-        println!("wrote {}", path.display());
-    }
-    Ok(terminal::tell_problems(&problems))
+    run_folder::write_all([arguments.json.clone()], table.to_lines()?)?;
+    Ok(text::report_problems(&problems))
 }
 
-fn table(measured: &[[Figures; METHODS.len()]]) -> Table {
-    let mut rows = Vec::new();
-    for (place, (name, _)) in METHODS.into_iter().enumerate() {
-        let mut row = |what: &str, goal: Goal, value: &dyn Fn(&Figures) -> f64| {
-            let values = measured.iter().map(|of_pose| Some(value(&of_pose[place])));
-            let name = format!("{name}: {what}");
-            rows.push(Row::new(name, goal, values.collect(), geometric_mean));
-        };
-        row("updates in the time of `best`", Goal::AtLeast(25.0), &|f| {
-            f.over_best
-        });
-        row("updates in the time of `fast`", Goal::AtLeast(6.0), &|f| {
-            f.over_fast
-        });
-        row("SAH cost / `best`", Goal::None, &|f| f.cost);
-        row("time of primary rays / `best`", Goal::AtMost(1.02), &|f| {
-            f.times[0]
-        });
-        row("time of random rays / `best`", Goal::AtMost(1.02), &|f| {
-            f.times[1]
-        });
-    }
-    Table {
-        scenes: POSES.map(|(pose, ..)| pose.to_owned()).into(),
-        rows,
-    }
-}
-
-/// The object at a place beside, or in, what stands still.
-fn placed(moving: &Mesh, still: &Mesh, place: Vec3, size: f32) -> anyhow::Result<Mesh> {
-    let (from, to) = (moving.bounds(), still.bounds());
+/// The object at a place beside or inside the static mesh.
+fn placed(moving: &Mesh, fixed: &Mesh, place: Vec3, size: f32) -> anyhow::Result<Mesh> {
+    let (from, to) = (moving.bounds(), fixed.bounds());
     let scale = size * to.extent().max_element() / from.extent().max_element();
     let center = to.center() + place * to.extent();
     let moved = |p: &[f32; 3]| (center + scale * (Vec3::from_array(*p) - from.center())).to_array();
@@ -161,9 +125,9 @@ fn placed(moving: &Mesh, still: &Mesh, place: Vec3, size: f32) -> anyhow::Result
     Ok(moving.with_positions(positions)?)
 }
 
-/// What stands still, with its tree in an arena, and what moves.
+/// The static mesh, with its tree in an arena, and the moving one.
 struct Scene {
-    still: Mesh,
+    fixed: Mesh,
     moving: Mesh,
     both: Mesh,
     arena: Arena,
@@ -173,12 +137,12 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(still: &Mesh, moving: Mesh) -> anyhow::Result<Self> {
-        let both = Mesh::concatenated([still, &moving])?;
+    fn new(fixed: &Mesh, moving: Mesh) -> anyhow::Result<Self> {
+        let both = Mesh::concatenated([fixed, &moving])?;
         let mut arena = Arena::new();
-        let tree = build(still, &BuildOptions::best())?;
+        let tree = build(fixed, &BuildOptions::best())?;
         let tree = arena.append_tree(&tree, 0)?;
-        arena.freeze(u32::try_from(still.len())?)?;
+        arena.freeze(u32::try_from(fixed.len())?)?;
         let mut census = Census::new();
         census.extend(arena.nodes());
         let camera = Camera::looking_at_whole(both.bounds(), Vec3::Y);
@@ -192,7 +156,7 @@ impl Scene {
         };
         let rays = KINDS.map(|kind| source.rays(kind));
         Ok(Self {
-            still: still.clone(),
+            fixed: fixed.clone(),
             moving,
             both,
             arena,
@@ -202,12 +166,7 @@ impl Scene {
         })
     }
 
-    /// The tree of everything, by `best`.
-    fn build_anew(&self) -> anyhow::Result<Tree> {
-        build(&self.both, &BuildOptions::best())
-    }
-
-    /// What a frame takes: the tree of what moves, and the merge. The arena is left as it was found.
+    /// The work of a frame: the tree of the moving mesh, and the merge. The arena first returns to its static state.
     fn update(
         &self,
         method: Method,
@@ -217,14 +176,14 @@ impl Scene {
         let (segments, nodes) = (self.arena.segments(), self.arena.nodes().len());
         arena.truncate(segments);
         census.truncate(nodes);
-        let first = u32::try_from(self.still.len())?;
+        let first = u32::try_from(self.fixed.len())?;
         let end = u32::try_from(self.both.len())?;
         let options = MergeOptions::resplitting(16, BuildOptions::fast());
         let bounds = self.both.bounds();
         let moving = || (first..end).map(Slot).collect::<Vec<Slot>>();
-        let still = Placed {
+        let fixed = Placed {
             root: self.tree,
-            bounds: self.still.bounds(),
+            bounds: self.fixed.bounds(),
         };
         let merged = match method {
             Method::Insert => {
@@ -241,13 +200,13 @@ impl Scene {
                     bounds: self.moving.bounds(),
                 };
                 census.extend(arena.nodes());
-                partition_trees(arena, census, &[still, moving], &self.both, &options)?
+                partition_trees(arena, census, &[fixed, moving], &self.both, &options)?
             }
             Method::Clusters => {
                 let mut trees = build_clusters(arena, &moving(), &self.both, CLUSTER, &options)?;
                 arena.freeze(end)?;
                 census.extend(arena.nodes());
-                trees.push(still);
+                trees.push(fixed);
                 partition_trees(arena, census, &trees, &self.both, &options)?
             }
         };
@@ -255,10 +214,10 @@ impl Scene {
         Ok(merged)
     }
 
-    /// Builds the tree of what moves.
+    /// Builds the tree of the moving mesh.
     fn append_moving(&self, arena: &mut Arena) -> anyhow::Result<NodeIndex> {
         let tree = build(&self.moving, &BuildOptions::fast())?;
-        let root = arena.append_tree(&tree, u32::try_from(self.still.len())?)?;
+        let root = arena.append_tree(&tree, u32::try_from(self.fixed.len())?)?;
         arena.freeze(u32::try_from(self.both.len())?)?;
         Ok(root)
     }
@@ -270,48 +229,45 @@ impl Scene {
         Ok((tree, merged))
     }
 
+    /// Adds the cells of a method; trees are the rebuilt and the merged one.
     fn measure(
         &self,
-        method: Method,
-        merged: &Tree,
-        built: &Tree,
-        samples: usize,
-    ) -> anyhow::Result<Figures> {
-        let repeats = Repeats {
-            pairs: samples,
-            until: Duration::MAX,
-        };
+        session: &mut Session<'_>,
+        (name, method): (&str, Method),
+        [rebuilt, merged]: [&Tree; 2],
+    ) -> anyhow::Result<()> {
+        let subject = subject(name);
         let (mut arena, mut census) = (self.arena.clone(), self.census.clone());
-        let mut over = |options: BuildOptions| -> anyhow::Result<f64> {
-            let pairs = measure::in_pairs(
-                repeats,
+        for (over, options) in REBUILT
+            .into_iter()
+            .zip([BuildOptions::best(), BuildOptions::fast()])
+        {
+            let pairs = in_pairs(
+                session.repeats,
                 || build(&self.both, &options).map(|tree| _ = black_box(tree)),
                 || {
                     let merged = self.update(method, &mut arena, &mut census);
                     merged.map(|merged| _ = black_box(merged))
                 },
             )?;
-            Ok(median_ratio(&pairs.baseline, &pairs.own))
-        };
-        let (over_best, over_fast) = (over(BuildOptions::best())?, over(BuildOptions::fast())?);
-        let packed = [built, merged].map(|tree| PackedTree::new(tree, &self.both));
-        let times = self.rays.each_ref().map(|rays| {
+            session.add_build(&subject, over, &pairs);
+        }
+        let packed = [rebuilt, merged].map(|tree| PackedTree::new(tree, &self.both));
+        for (kind, rays) in KINDS.into_iter().zip(&self.rays) {
             let trace = |tree: &PackedTree| {
                 for ray in rays {
                     black_box(tree.intersect(ray));
                 }
-                Ok::<(), std::convert::Infallible>(())
             };
-            let Ok(pairs) = measure::in_pairs(repeats, || trace(&packed[0]), || trace(&packed[1]));
-            median_ratio(&pairs.own, &pairs.baseline)
-        });
-        let model = CostModel::PACKED;
-        Ok(Figures {
-            over_best,
-            over_fast,
-            cost: merged.sah_cost(&model) / built.sah_cost(&model),
-            times,
-        })
+            let pairs = in_sure_pairs(session.repeats, || trace(&packed[0]), || trace(&packed[1]));
+            session.add_rays(&subject, &name_of(&kind), REBUILT[0], &pairs, rays.len());
+        }
+        for (subject, tree) in [(subject.as_str(), merged), (REBUILT[0], rebuilt)] {
+            let mut cell = session.blank(subject, "", 1, "");
+            cell.exact.sah_cost_own = tree.sah_cost(&CostModel::PACKED);
+            session.add(cell);
+        }
+        Ok(())
     }
 }
 
@@ -326,25 +282,25 @@ mod tests {
 
     #[test]
     fn a_pose_is_where_it_says() {
-        let still = Spd::Gears.generate(1).expect("small").mesh;
+        let fixed = Spd::Gears.generate(1).expect("small").mesh;
         let moving = Spd::Balls.generate(1).expect("small").mesh;
         let [outside, .., inside, _] = POSES.map(|(_, place, size)| {
-            let moved = placed(&moving, &still, place, size)
+            let moved = placed(&moving, &fixed, place, size)
                 .expect("valid")
                 .bounds();
-            moved.intersection(&still.bounds())
+            moved.intersection(&fixed.bounds())
         });
         assert!(outside.is_empty(), "{outside:?}");
-        let size = inside.extent() / still.bounds().extent();
+        let size = inside.extent() / fixed.bounds().extent();
         assert!(size.max_element() <= 0.21, "all of it is inside: {size}");
     }
 
     #[test]
     fn every_method_merges_a_small_scene() {
-        let still = Spd::Gears.generate(1).expect("small").mesh;
+        let fixed = Spd::Gears.generate(1).expect("small").mesh;
         let moving = Spd::Balls.generate(1).expect("small").mesh;
-        let moved = placed(&moving, &still, Vec3::ZERO, 0.5).expect("valid");
-        let scene = Scene::new(&still, moved).expect("valid");
+        let moved = placed(&moving, &fixed, Vec3::ZERO, 0.5).expect("valid");
+        let scene = Scene::new(&fixed, moved).expect("valid");
         for (name, method) in METHODS {
             let (tree, merged) = scene.merged(method).expect("merged");
             tree.check_coverage(&scene.both)

@@ -1,17 +1,17 @@
-//! The tables of the papers made again, each beside ours.
+//! The tables of the papers, reproduced beside ours.
 
+mod frame;
 mod grid_table;
 mod growth;
 mod merge_table;
 mod mirrors;
 mod rendered;
-mod traced;
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::cli::at_least_one;
+use crate::arguments::at_least_one;
 
 /// Which table, and over what.
 #[derive(Args, Debug)]
@@ -20,8 +20,8 @@ pub(crate) struct PaperArgs {
     #[arg(value_enum)]
     table: PaperTable,
 
-    /// Takes the animations in this folder, each a folder of baked frames, or for grid-table its meshes; without it, generated
-    /// ones
+    /// Measures the animations in this folder, each a folder of baked frames, or for grid-table its meshes; without it,
+    /// generated ones
     #[arg(long, value_name = "DIR", env = "KD_SCENES")]
     scenes: Option<PathBuf>,
 
@@ -33,24 +33,23 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "N", value_delimiter = ',')]
     rows: Vec<usize>,
 
-    /// Timed repeats of everything, each after one of what it is compared with
+    /// Timed repeats of each measurement, each after one of the baseline
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = at_least_one)]
     samples: usize,
 
-    /// Trace about so many rays of the picture, in whole runs of 64 neighbours, and what follows from them; 0 traces all
+    /// Trace about N rays of the picture, in whole runs of 64 neighbours, and the rays that follow from them; 0 traces all
     #[arg(long, value_name = "N", default_value_t = 120_000)]
     ray_limit: usize,
 
-    /// Instead, generate rooms of up to ten million triangles that stand still, and tell what an update takes that has nothing to
-    /// do with them
+    /// Instead, generate static rooms of up to ten million triangles and print the time of an update apart from them
     #[arg(long)]
     growth: bool,
 
-    /// Instead, make the pictures too, by the renderer: on all threads, with textures
+    /// Instead, render the pictures too: on all threads, with textures
     #[arg(long, conflicts_with = "growth")]
     rendered: bool,
 
-    /// With --rendered: tell of every Nth frame of all whether merging gives its picture sooner
+    /// With --rendered: print for every Nth frame whether merging finishes its picture earlier
     #[arg(long, value_name = "N", requires = "rendered")]
     share: Option<usize>,
 
@@ -58,11 +57,11 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "FILE", requires = "rendered")]
     picture: Option<PathBuf>,
 
-    /// Measure Embree's ways to follow what moves, too
+    /// Also measure Embree's ways to follow moving parts
     #[arg(long)]
     peers: bool,
 
-    /// A small generated scene and few rays: a check that everything works
+    /// A small generated scene and few rays: a check that the command works
     #[arg(long)]
     smoke: bool,
 
@@ -74,21 +73,21 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 
-    /// For grid-table: also write what was measured as a calibration of this machine
+    /// For grid-table: also write the measurements as a calibration of this machine
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum PaperTable {
-    /// Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames made by merging and by building anew
+    /// Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames by merging and by rebuilding
     MergeTable,
     /// Table 1 and Figures 1 and 2 of *When It Makes Sense to Use Uniform Grids for Ray Tracing* (Hapala, Karlík and Havran
     /// 2011): grids and kd-trees over many scenes, and the choice between them
     GridTable,
 }
 
-/// Measures, prints and writes; false if an answer is wrong. A goal that is not met is said, and is no failure.
+/// Measures, prints and writes; false if an answer is wrong. A missed goal is printed and is no failure.
 pub(crate) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     match arguments.table {
         PaperTable::MergeTable if arguments.growth => growth::run(arguments),

@@ -1,7 +1,7 @@
 //! The five kinds of rays that every structure traces.
 //!
-//! Each kind is a fixed list for a scene: it depends on the scene and its camera alone, since all structures must find
-//! the same primary hits. Directions have unit length.
+//! Each kind is a fixed list for a scene: it depends only on the scene and its camera, since all structures must find the same
+//! primary hits. Directions have unit length.
 
 use clap::ValueEnum;
 use kd::glam::Vec3;
@@ -25,7 +25,7 @@ pub(crate) enum RayKind {
 }
 
 impl RayKind {
-    /// Whether any hit will do, instead of the closest.
+    /// Whether any hit is enough, instead of the closest.
     pub(crate) const fn is_any_hit(self) -> bool {
         matches!(self, Self::Shadow | Self::Ao)
     }
@@ -34,13 +34,13 @@ impl RayKind {
         if matches!(self, Self::Ao) { 4 } else { 1 }
     }
 
-    /// Each kind draws from a sequence of its own, so leaving one out does not change another.
+    /// Each kind has its own random sequence, independent of the other kinds.
     const fn seed(self) -> u64 {
         self as u64
     }
 }
 
-/// Neighbours in a list are neighbours in space; lists are thinned out in whole runs of this many, so that stays true.
+/// Neighbours in a list are neighbours in space. Lists are thinned out in whole runs of `RUN` rays, which preserves that.
 const RUN: usize = 64;
 /// Pixels along the side of a tile.
 const TILE: u32 = 8;
@@ -52,7 +52,7 @@ pub(crate) fn primary(camera: &Camera, side: u32) -> Vec<Ray> {
     picture(camera, [side, side], 1)
 }
 
-/// The rays through every so many tiles of an image, whose sides are multiples of 8.
+/// The rays through every `stride`th tile of an image, whose sides are multiples of 8.
 pub(crate) fn picture(camera: &Camera, [width, height]: [u32; 2], stride: usize) -> Vec<Ray> {
     let view = camera.view(width as f32 / height as f32);
     let across = width / TILE;
@@ -69,16 +69,16 @@ pub(crate) fn picture(camera: &Camera, [width, height]: [u32; 2], stride: usize)
     rays
 }
 
-/// Where a ray goes on: just off the surface, on the side that the primary ray came from.
+/// The origin of a further ray: just off the surface, on the side of the primary ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePoint {
     pub(crate) origin: Vec3,
-    /// Of unit length, towards where the primary ray came from.
+    /// Of unit length, on the side of the primary ray.
     pub(crate) normal: Vec3,
 }
 
 impl SurfacePoint {
-    /// None where the triangle is too thin to have a normal.
+    /// `None` for a triangle that is too thin for a normal.
     pub(crate) fn new(mesh: &Mesh, ray: &Ray, hit: &Hit) -> Option<Self> {
         let normal = mesh.normal(hit.triangle).try_normalize()?;
         let normal = if normal.dot(ray.direction) > 0.0 {
@@ -93,7 +93,7 @@ impl SurfacePoint {
     }
 }
 
-/// Where the primary rays hit, in their order.
+/// The hits of the primary rays, in their order.
 pub(crate) fn surface_points(
     mesh: &Mesh,
     primary: &[Ray],
@@ -105,14 +105,14 @@ pub(crate) fn surface_points(
         .collect()
 }
 
-/// What secondary rays are made from.
+/// The source of secondary rays.
 #[derive(Debug)]
 pub(crate) struct RaySource<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) light: Vec3,
     pub(crate) primary: &'a [Ray],
     pub(crate) points: &'a [SurfacePoint],
-    /// Keep about so many secondary or random rays of a kind; 0 keeps all. The primary image is always whole.
+    /// The approximate number of secondary or random rays of a kind; 0 keeps all. The primary image is always whole.
     pub(crate) limit: usize,
 }
 
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_as_promised() {
+    fn counts_match_the_limit() {
         let counts = |limit| {
             lists(limit)
                 .iter()
@@ -225,7 +225,7 @@ mod tests {
         assert_eq!(
             counts(256),
             [1024, 256, 256, 256, 256],
-            "the image stays whole, the others are thinned out"
+            "the image is whole, the others are thinned out"
         );
     }
 
@@ -250,7 +250,7 @@ mod tests {
                 match kind {
                     RayKind::Primary => assert!(hit.is_some(), "{ray:?}"),
                     RayKind::Random => {}
-                    _ => assert_eq!(hit, None, "{kind:?} {ray:?}: nothing lies above the floor"),
+                    _ => assert_eq!(hit, None, "{kind:?} {ray:?}: nothing is above the floor"),
                 }
                 if kind == RayKind::Shadow {
                     assert!(

@@ -1,4 +1,5 @@
-//! The record: one JSON line for each cell, which is one builder on one scene with one kind of ray.
+//! The record: one JSON line for each cell, which is one measurement of scene × structure × rays. Every command measures
+//! cells and prints views of them.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,10 +7,10 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 
-/// Version of the format. A reader refuses another one. Fields that came later are optional.
+/// Version of the format. Other versions are refused. Newer fields are optional.
 pub(crate) const SCHEMA: u32 = 1;
 
-/// Rivals that answer more rays differently than this many in a million are wrong.
+/// A rival that answers more rays in a million differently is wrong.
 const MOST_DISAGREEMENT_PPM: f64 = 100.0;
 
 /// One cell.
@@ -20,7 +21,7 @@ pub(crate) struct Record {
     pub(crate) rev: String,
     pub(crate) cpu: String,
     pub(crate) rustc: String,
-    /// Flags the compiler was called with, if any.
+    /// Compiler flags, if any.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub(crate) rustflags: String,
     pub(crate) threads: usize,
@@ -30,14 +31,15 @@ pub(crate) struct Record {
     pub(crate) structure: String,
     pub(crate) builder: String,
     pub(crate) layout: String,
+    /// The kind of rays, with `-batch` or `-packets` unless they are traced one at a time. Empty for a build.
     pub(crate) rays: String,
-    /// What ran before every timed repeat: structure, builder and layout.
+    /// Structure, builder and layout that run before every timed repeat; also their threads if they differ.
     pub(crate) baseline: String,
     pub(crate) exact: Exact,
     pub(crate) timed: Timed,
 }
 
-/// What must come out the same every time, on any machine with the same compiler; compared with `==`.
+/// Values that are equal in every run, on any machine with the same compiler; compared with `==`.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Exact {
@@ -49,31 +51,44 @@ pub(crate) struct Exact {
     pub(crate) sah_cost_15_20: f64,
     pub(crate) sah_cost_own: f64,
     pub(crate) bytes_total: usize,
-    /// The most that a build on one thread allocates at a time, above the mesh. A rival's counts above its own form of
-    /// the mesh, and of what a rival is like `bytes_total` is all that is known: what stands above it here is 0.
+    /// The peak of allocated bytes of a build on one thread, above the mesh. A rival's counts above its own form of the mesh;
+    /// of the fields above, only `bytes_total` is known of a rival, the others are 0.
     pub(crate) peak_build_bytes: usize,
     /// Rays traced.
     pub(crate) rays: usize,
     /// Of these, rays that hit something.
     pub(crate) hits: usize,
-    /// Hash of the triangles hit, in the order of the rays (see [`hash_of_ids`]); of hit or miss for any-hit rays.
+    /// Hash of the triangles hit, in the order of the rays (see [`hash_of_ids`]); for any-hit rays, of hit or miss.
     pub(crate) hit_hash: String,
-    /// Rays answered differently by the reference, which is our `balanced`: hit or miss, and for closest hits the
-    /// triangle and the bits of t. Of a rival, rays answered too differently: hit or miss, and t to one in a thousand.
+    /// Rays that the reference, our `balanced`, answers differently: hit or miss, and for closest hits the triangle and the
+    /// bits of t. Of a rival: hit or miss, and t to one in a thousand.
     pub(crate) mismatches: usize,
     /// Of a rival, `mismatches` in parts per million of its rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) disagreement_ppm: Option<f64>,
-    /// Rays of which the answer was compared with a test of every triangle.
+    /// Rays whose answers were compared with a test of every triangle.
     pub(crate) brute_force_rays: usize,
     /// Of these, rays answered differently.
     pub(crate) brute_force_mismatches: usize,
     /// Steps of all rays together, where the query counts them (closest hits only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) steps: Option<Steps>,
+    /// Instructions of all rays together, where valgrind counted them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) instructions: Option<u64>,
 }
 
-/// What traversals did.
+impl Exact {
+    /// Whether answers are wrong: of ours if any is, of a rival if too many are.
+    pub(crate) fn is_wrong(&self) -> bool {
+        match self.disagreement_ppm {
+            Some(ppm) => ppm > MOST_DISAGREEMENT_PPM,
+            None => self.mismatches + self.brute_force_mismatches > 0,
+        }
+    }
+}
+
+/// Steps of traversals.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Steps {
@@ -90,7 +105,7 @@ impl std::ops::AddAssign for Steps {
     }
 }
 
-/// Every sample of every time. The baseline's are from just before: sample i of one belongs to sample i of the other.
+/// All samples of all times. Sample i of the baseline was taken just before sample i of the cell.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Timed {
@@ -101,7 +116,7 @@ pub(crate) struct Timed {
 }
 
 impl Record {
-    /// What a cell is called in messages, and compared by.
+    /// The name of the cell in messages and comparisons.
     pub(crate) fn cell(&self) -> String {
         let Self {
             scene,
@@ -119,30 +134,27 @@ impl Record {
         format!("{}/{}/{}", self.structure, self.builder, self.layout)
     }
 
-    /// Whether it was measured in a build for this very processor, as Rust rivals are where that is better for them.
+    /// Whether it was measured in a build for this processor, as Rust rivals are where that is faster.
     pub(crate) fn is_native(&self) -> bool {
         self.rustflags.contains("target-cpu=native")
     }
 
-    /// Whether it tells of a rival library.
+    /// Whether it is of a rival library.
     pub(crate) fn is_of_rival(&self) -> bool {
         self.exact.disagreement_ppm.is_some()
     }
 
     /// Whether answers are wrong: of ours if any is, of a rival if too many are.
     pub(crate) fn is_wrong(&self) -> bool {
-        match self.exact.disagreement_ppm {
-            Some(ppm) => ppm > MOST_DISAGREEMENT_PPM,
-            None => self.exact.mismatches + self.exact.brute_force_mismatches > 0,
-        }
+        self.exact.is_wrong()
     }
 
-    /// How many times as fast as the baseline it builds.
+    /// Build speed over the baseline's.
     pub(crate) fn build_speed(&self) -> f64 {
         median_ratio(&self.timed.baseline_build_ms, &self.timed.build_ms)
     }
 
-    /// How many times as fast as the baseline it traces.
+    /// Ray speed over the baseline's.
     pub(crate) fn trace_speed(&self) -> f64 {
         median_ratio(
             &self.timed.baseline_ns_per_ray,
@@ -150,7 +162,37 @@ impl Record {
         )
     }
 
-    /// References in leaves for each triangle; 0 without triangles.
+    /// Median build milliseconds.
+    pub(crate) fn build_ms(&self) -> f64 {
+        median(&self.timed.build_ms)
+    }
+
+    /// Median nanoseconds per ray.
+    pub(crate) fn ns_per_ray(&self) -> f64 {
+        median(&self.timed.trace_ns_per_ray)
+    }
+
+    /// Build time over the baseline's.
+    pub(crate) fn build_ratio(&self) -> f64 {
+        median_ratio(&self.timed.build_ms, &self.timed.baseline_build_ms)
+    }
+
+    /// Time of rays over the baseline's.
+    pub(crate) fn trace_ratio(&self) -> f64 {
+        median_ratio(
+            &self.timed.trace_ns_per_ray,
+            &self.timed.baseline_ns_per_ray,
+        )
+    }
+
+    /// Mean steps of a ray in nodes and in triangle tests, where they were counted.
+    pub(crate) fn steps_per_ray(&self) -> Option<[f64; 2]> {
+        let steps = self.exact.steps?;
+        let rays = self.exact.rays.max(1) as f64;
+        Some([steps.node_steps, steps.triangle_tests].map(|count| count as f64 / rays))
+    }
+
+    /// References per triangle; 0 without triangles.
     pub(crate) fn refs_per_triangle(&self) -> f64 {
         if self.triangles == 0 {
             0.0
@@ -160,7 +202,7 @@ impl Record {
     }
 }
 
-/// The median of `above[i] / below[i]`: pairs were taken together, so a slow moment of the machine is in both.
+/// The median of `above[i] / below[i]`. Pairs were taken together, so a slow moment of the machine is in both.
 pub(crate) fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
     let ratios: Vec<f64> = above.iter().zip(below).map(|(a, b)| a / b).collect();
     median(&ratios)
@@ -229,7 +271,7 @@ pub(crate) fn to_lines(records: &[Record]) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Keeps the order of first appearance.
+/// Distinct values in order of first appearance.
 pub(crate) fn distinct<'a>(values: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let mut seen = Vec::new();
     for value in values {
@@ -250,7 +292,7 @@ pub(crate) struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// The variant, and how it was compiled if not as usual.
+    /// The variant, with a mark if it was compiled for this processor.
     pub(crate) fn label(&self) -> String {
         let native = if self.build().is_native() {
             " (native)"
@@ -260,7 +302,7 @@ impl<'a> Row<'a> {
         format!("{}{native}", self.variant)
     }
 
-    /// Any cell: what a build is like does not depend on the rays.
+    /// Any cell: the build does not depend on the rays.
     pub(crate) fn build(&self) -> &'a Record {
         self.cells.values().next().expect("a row has a cell")
     }
@@ -366,7 +408,7 @@ mod tests {
             "says which"
         );
         let unknown_field = line.replace("\"rev\"", "\"revision\"");
-        assert!(parse(&unknown_field).is_err(), "a field nobody knows");
+        assert!(parse(&unknown_field).is_err(), "an unknown field");
         assert!(
             parse("{}\n").is_err() && parse("nonsense\n").is_err(),
             "not records"

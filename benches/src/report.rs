@@ -1,4 +1,4 @@
-//! A run as one HTML page that needs nothing else: no network, no scripts.
+//! The report of a run: one HTML page without network access or scripts.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -9,16 +9,16 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use crate::names::REFERENCE;
 use crate::picture::HeatScale;
-use crate::plots::{self, BarPlot, ScatterPlot};
+use crate::plots::{self, Axis, BarPlot, XyPlot};
 use crate::record::{self, Record, Row};
 use crate::run_folder::{self, RunFolder};
-use crate::structure::REFERENCE;
-use crate::terminal::three_digits;
+use crate::summary::{self, EXACT, Figure, Group, Section};
 
 const STYLE: &str = include_str!("report.css");
 
-/// Reads a run and writes its report again.
+/// Reads a run and writes its report.
 pub(crate) fn rewrite(run: &Path) -> anyhow::Result<bool> {
     let folder = RunFolder::open(run)?;
     write(&folder, &record::read(run)?)?;
@@ -32,7 +32,7 @@ pub(crate) fn write(folder: &RunFolder, records: &[Record]) -> anyhow::Result<()
     run_folder::write(&folder.report(), page.into_string())
 }
 
-/// What the sections are made from.
+/// The rows of the sections.
 struct Run<'a> {
     rows: Vec<Row<'a>>,
     scenes: Vec<&'a str>,
@@ -62,17 +62,14 @@ impl<'a> Run<'a> {
             .find(|row| row.scene == scene && row.variant == variant)
     }
 
-    /// The value of each variant for each scene, for a plot.
-    fn by_scene(&self, value: impl Fn(&Row<'a>) -> Option<f64>) -> Vec<Vec<f64>> {
-        let of = |scene: &&str| {
-            let values = self.variants.iter().map(|variant| {
-                self.row(scene, variant)
-                    .and_then(&value)
-                    .unwrap_or(f64::NAN)
-            });
-            values.collect()
+    /// For each scene, a bar of each variant.
+    fn by_scene(&self, value: impl Fn(&Row<'a>) -> Option<f64>) -> Vec<Vec<Vec<f64>>> {
+        let bar = |scene: &str, variant: &String| {
+            let row = self.row(scene, variant);
+            vec![row.and_then(&value).unwrap_or(f64::NAN)]
         };
-        self.scenes.iter().map(of).collect()
+        let bars = |scene: &&str| self.variants.iter().map(|v| bar(scene, v)).collect();
+        self.scenes.iter().map(bars).collect()
     }
 }
 
@@ -97,7 +94,7 @@ fn page(folder: &RunFolder, records: &[Record]) -> anyhow::Result<Markup> {
                     (verdict(records))
                 }
                 @if !records.is_empty() {
-                    (summary(&run))
+                    @for table in &summary::sections(records) { (section(&run, table)) }
                     (quality(&run)?)
                     (bars(&run)?)
                     @for scene in &run.scenes { (scene_section(folder, scene)?) }
@@ -121,7 +118,7 @@ fn environment(record: &Record) -> Markup {
     }
 }
 
-/// Whether the answers were right, before any time.
+/// Whether the answers are right, before any time.
 fn verdict(records: &[Record]) -> Markup {
     let wrong: Vec<&Record> = records.iter().filter(|r| r.is_wrong()).collect();
     let checked: usize = records
@@ -162,10 +159,19 @@ fn legend(run: &Run<'_>) -> Markup {
     html! {
         p.legend {
             @for (index, variant) in run.variants.iter().enumerate() {
-                span { span.swatch style=(format!("background:{}", hex(index))) {} (variant) }
+                span { (colored(index)) (variant) }
             }
         }
     }
+}
+
+fn swatch(run: &Run<'_>, variant: &str) -> Markup {
+    let index = run.variants.iter().position(|other| other == variant);
+    colored(index.unwrap_or(0))
+}
+
+fn colored(variant: usize) -> Markup {
+    html! { span.swatch style=(format!("background:{}", hex(variant))) {} }
 }
 
 fn hex(variant: usize) -> String {
@@ -173,85 +179,62 @@ fn hex(variant: usize) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-fn summary(run: &Run<'_>) -> Markup {
+fn section(run: &Run<'_>, section: &Section) -> Markup {
     html! {
         section {
-            h2 { "Summary" }
+            h2 { (section.title) }
             p.note {
-                "Median time of each cell, and in small print how many times as fast as the baseline it is: the median \
-                 over pairs of runs on the same rays, taken one right after the other. Above ×1 is faster. The \
-                 baseline's own row shows how much noise there is."
+                (section.note) " Times are medians, speeds medians over pairs of runs on the same rays, one right after the other; \
+                 above ×1 is faster. The baseline's own row shows the noise."
             }
             div.wide {
-                table {
+                table.summary {
                     thead {
                         tr {
                             th { "scene" } th { "variant" }
-                            th.number { "build ms" } th.number { "SAH cost" } th.number { "refs / triangle" }
-                            th.number { "MB" } th.number { "peak MB" }
-                            @for kind in &run.kinds { th.number { (kind) " ns" } }
+                            @for title in &section.head { th.number { (title) } }
                         }
                     }
-                    @for scene in &run.scenes { (summary_of_scene(run, scene)) }
+                    @for group in &section.groups { (group_rows(run, group)) }
                 }
             }
         }
     }
 }
 
-fn summary_of_scene(run: &Run<'_>, scene: &str) -> Markup {
-    let rows: Vec<(usize, &Row<'_>)> = run
-        .variants
-        .iter()
-        .enumerate()
-        .filter_map(|(index, variant)| Some((index, run.row(scene, variant)?)))
-        .collect();
+fn group_rows(run: &Run<'_>, group: &Group) -> Markup {
     html! {
         tbody {
-            @for (place, (index, row)) in rows.iter().enumerate() {
-                @let build = row.build();
+            @for (place, line) in group.lines.iter().enumerate() {
                 tr {
                     @if place == 0 {
-                        th scope="rowgroup" rowspan=(rows.len()) {
-                            a href=(format!("#{scene}")) { (scene) }
-                            small { (grouped(build.triangles)) " triangles" }
+                        th scope="rowgroup" rowspan=(group.lines.len()) {
+                            a href=(format!("#{}", group.scene)) { (group.scene) }
+                            small { (grouped(group.triangles)) " triangles" }
                         }
                     }
-                    td.variant { span.swatch style=(format!("background:{}", hex(*index))) {} (row.label()) }
-                    (timed(record::median(&build.timed.build_ms), build.build_speed()))
-                    @if build.is_of_rival() {
-                        td.number { "–" } td.number { "–" }
-                    } @else {
-                        td.number { (format!("{:.1}", build.exact.sah_cost_15_20)) }
-                        td.number { (format!("{:.2}", build.refs_per_triangle())) }
-                    }
-                    td.number { (megabytes(build.exact.bytes_total)) }
-                    td.number { (megabytes(build.exact.peak_build_bytes)) }
-                    @for kind in &run.kinds {
-                        @if let Some(cell) = row.cells.get(kind) {
-                            (timed(record::median(&cell.timed.trace_ns_per_ray), cell.trace_speed()))
-                        } @else {
-                            td.number { "–" }
-                        }
-                    }
+                    td.variant { (swatch(run, &line.variant)) (line.label) }
+                    @for figure in &line.cells { (figure_cell(figure)) }
                 }
             }
         }
     }
 }
 
-/// A time with its speed; a clear difference is coloured.
-fn timed(time: f64, speed: f64) -> Markup {
-    let class = match speed {
+/// A figure with its speed below it; a clear difference is coloured.
+fn figure_cell(figure: &Figure) -> Markup {
+    let class = |speed: f64| match speed {
         s if s >= 1.1 => "faster",
         s if s <= 0.9 => "slower",
         _ => "even",
     };
-    html! { td.number { (three_digits(time)) " " small class=(class) { "×" (format!("{speed:.2}")) } } }
-}
-
-fn megabytes(bytes: usize) -> String {
-    format!("{:.2}", bytes as f64 / 1e6)
+    html! {
+        td.number {
+            (figure.text)
+            @if let Some(speed) = figure.speed { " " small class=(class(speed)) { "×" (format!("{speed:.2}")) } }
+            @if let Some(more) = &figure.more { " " small { (more) } }
+        }
+    }
 }
 
 /// A whole number with its digits in groups of three.
@@ -267,49 +250,45 @@ fn grouped(number: usize) -> String {
     text
 }
 
-/// Whether the cost that builders minimise tells what rays take.
-fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
+/// Whether the cost that builders minimise predicts the time of rays.
+///
+/// Of a run with builders, only their rows: wide nodes divide small cells again, so that their times depend less on the cost.
+fn quality<'a>(run: &Run<'a>) -> anyhow::Result<Markup> {
+    let of_builders = run.rows.iter().filter(|row| summary::is_of_builder(row));
+    let of_builders: Vec<&Row<'a>> = of_builders.collect();
+    let (rows, named) = if of_builders.is_empty() {
+        (run.rows.iter().collect(), REFERENCE.to_string())
+    } else {
+        let first = of_builders[0].variant.as_str();
+        let has_exact = of_builders.iter().any(|row| row.variant == EXACT);
+        let named = if has_exact { EXACT } else { first };
+        (of_builders, named.to_owned())
+    };
+    let kinds = ["random", "diffuse"].into_iter();
     let mut plots = Vec::new();
-    for kind in run
-        .kinds
-        .iter()
-        .filter(|kind| ["random", "diffuse"].contains(*kind))
-    {
-        let mut points = Vec::new();
-        for row in &run.rows {
-            let variant = run
-                .variants
-                .iter()
-                .position(|variant| *variant == row.variant);
-            if let (Some(variant), Some(cell)) = (variant, row.cells.get(kind)) {
-                let time = record::median(&cell.timed.trace_ns_per_ray);
-                let is_reference = row.variant == REFERENCE.to_string();
-                points.push((
-                    variant,
-                    cell.exact.sah_cost_15_20,
-                    time,
-                    if is_reference { row.scene } else { "" },
-                ));
-            }
-        }
-        let y_axis = format!("{kind}: ns per ray");
-        plots.push(
-            ScatterPlot {
-                x_axis: "SAH cost (15:20)",
-                y_axis: &y_axis,
-                points,
-            }
-            .to_svg()?,
-        );
+    for kind in kinds.filter(|kind| run.kinds.contains(kind)) {
+        let point = |row: &&Row<'a>| {
+            let variant = run.variants.iter().position(|other| *other == row.variant);
+            let cell = row.cells.get(kind)?;
+            let name = if row.variant == named { row.scene } else { "" };
+            Some((variant?, cell.exact.sah_cost_15_20, cell.ns_per_ray(), name))
+        };
+        let plot = XyPlot {
+            x_axis: "SAH cost (15:20)",
+            y_axis: &format!("{kind}: ns per ray"),
+            scale: Axis::Logarithmic,
+            lines: Vec::new(),
+            points: rows.iter().filter_map(point).collect(),
+        };
+        plots.push(plot.to_svg()?);
     }
     Ok(html! {
         @if !plots.is_empty() {
             section {
                 h2 { "SAH cost against time" }
                 p.note {
-                    "The surface area heuristic predicts what a random ray costs in the tree's own nodes. Wide ones divide \
-                     small cells anew, so that their times depend less on it. A point is a scene and a variant; the name \
-                     stands at the reference's, " (REFERENCE) "."
+                    "The surface area heuristic predicts the cost of a random ray in the tree's own nodes. A point is a scene and \
+                     a variant; names are at those of " (named) "."
                 }
                 (legend(run))
                 div.pair { @for plot in &plots { figure { (PreEscaped(plot)) } } }
@@ -320,24 +299,22 @@ fn quality(run: &Run<'_>) -> anyhow::Result<Markup> {
 
 fn bars(run: &Run<'_>) -> anyhow::Result<Markup> {
     let mut plots = Vec::new();
-    let build = |row: &Row<'_>| Some(record::median(&row.build().timed.build_ms));
+    let build = |row: &Row<'_>| Some(row.build().build_ms());
     plots.push(("Build".to_owned(), "ms", run.by_scene(build)));
     for kind in &run.kinds {
-        let trace =
-            |row: &Row<'_>| Some(record::median(&row.cells.get(kind)?.timed.trace_ns_per_ray));
+        let trace = |row: &Row<'_>| Some(row.cells.get(kind)?.ns_per_ray());
         plots.push((format!("Rays: {kind}"), "ns per ray", run.by_scene(trace)));
     }
     let mut figures = Vec::new();
     for (title, axis, values) in plots {
-        figures.push((
-            title,
-            BarPlot {
-                axis,
-                groups: run.scenes.clone(),
-                values,
-            }
-            .to_svg()?,
-        ));
+        let plot = BarPlot {
+            axis,
+            scale: Axis::Logarithmic,
+            groups: run.scenes.clone(),
+            legend: Vec::new(),
+            values,
+        };
+        figures.push((title, plot.to_svg()?));
     }
     Ok(html! {
         section {
@@ -365,7 +342,7 @@ fn scene_section(folder: &RunFolder, scene: &str) -> anyhow::Result<Markup> {
             h2 { (scene) }
             div.scene {
                 @if let Some(picture) = shaded {
-                    figure { img src=(picture) alt={ "The scene " (scene) }; figcaption { "as the camera sees it" } }
+                    figure { img src=(picture) alt={ "The scene " (scene) }; figcaption { "from the camera" } }
                 }
                 @if let (Some(picture), Some(scale)) = (heat, scale) {
                     figure {
@@ -396,7 +373,7 @@ fn ramp() -> String {
     css + ")"
 }
 
-/// A PNG as an address that holds the picture itself.
+/// A PNG as an address that contains the picture.
 fn picture(path: &Path) -> anyhow::Result<Option<String>> {
     let bytes = read_if_there(path)?;
     Ok(bytes.map(|bytes| format!("data:image/png;base64,{}", BASE64.encode(bytes))))
@@ -429,7 +406,7 @@ mod tests {
         for part in [
             "kd/exact/binary",
             "some CPU",
-            "×0.50",
+            "×1.00",
             "nodes 101 &lt; 102",
             "<svg",
             "id=\"tetra-3\"",

@@ -1,4 +1,4 @@
-//! Where a run is kept: a folder with `run.jsonl`, `report.html`, and what the report shows.
+//! The folder of a run: `run.jsonl`, `report.html`, and the files of the report.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub(crate) struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes a folder named after the time and the commit, in `out` or in `target/bench`.
+    /// Creates a folder named by time and commit, in `out` or in `target/bench`.
     pub(crate) fn create(out: Option<&Path>, rev: &str) -> anyhow::Result<Self> {
         let out = out.map_or_else(
             || workspace_root().join("target").join("bench"),
@@ -38,7 +38,7 @@ impl RunFolder {
         Ok(Self { path })
     }
 
-    /// A run that is there already.
+    /// An existing run.
     pub(crate) fn open(path: &Path) -> anyhow::Result<Self> {
         anyhow::ensure!(
             path.join("run.jsonl").exists(),
@@ -63,32 +63,17 @@ impl RunFolder {
         self.path.join("run.jsonl")
     }
 
-    /// What Rust rivals did in a build for this processor, the better half of which is among the records.
+    /// The records of Rust rivals in a build for this processor; the faster ones are also among the records of the run.
     pub(crate) fn native_records(&self) -> PathBuf {
         self.path.join("native.jsonl")
     }
 
-    /// The rows of the table of builds.
-    pub(crate) fn build_table(&self) -> PathBuf {
-        self.path.join("builds.jsonl")
+    /// Another file of the run.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
     }
 
-    /// The rows of the table of rays.
-    pub(crate) fn ray_table(&self) -> PathBuf {
-        self.path.join("rays.jsonl")
-    }
-
-    /// The rows of the table of structures.
-    pub(crate) fn structure_table(&self) -> PathBuf {
-        self.path.join("structures.jsonl")
-    }
-
-    /// How build times grow with the mesh.
-    pub(crate) fn growth_plot(&self) -> PathBuf {
-        self.path.join("growth.svg")
-    }
-
-    /// A folder for what need not be kept.
+    /// A folder for temporary files.
     pub(crate) fn scratch(&self) -> PathBuf {
         self.path.join("scratch")
     }
@@ -102,7 +87,7 @@ impl RunFolder {
         self.path.join("scenes").join(format!("{scene}.{kind}.png"))
     }
 
-    /// What the heat picture's colours mean.
+    /// The scale of the heat picture's colours.
     pub(crate) fn heat_scale(&self, scene: &str) -> PathBuf {
         self.path.join("scenes").join(format!("{scene}.heat.json"))
     }
@@ -112,9 +97,9 @@ impl RunFolder {
         self.path.join("scenes").join(format!("{scene}.txt"))
     }
 
-    /// Copies the run to `latest` beside it, in place of what was there.
+    /// Copies the run to `latest` beside it and replaces the one there.
     pub(crate) fn publish_as_latest(&self) -> anyhow::Result<PathBuf> {
-        let out = self.path.parent().context("a run lies in a folder")?;
+        let out = self.path.parent().context("a run has a parent folder")?;
         let (latest, fresh) = (out.join("latest"), out.join(".latest.new"));
         if fresh.exists() {
             fs::remove_dir_all(&fresh)?;
@@ -142,13 +127,25 @@ fn copy_folder(from: &Path, to: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes a file under another name and then renames it, so that nobody ever reads half of it.
+/// Writes a file under another name and then renames it, so that a reader never sees half of it.
 pub(crate) fn write(path: &Path, contents: impl AsRef<[u8]>) -> anyhow::Result<()> {
     let mut unfinished = path.as_os_str().to_owned();
     unfinished.push(".new");
     fs::write(&unfinished, contents)
         .and_then(|()| fs::rename(&unfinished, path))
         .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Writes the same contents to several files and prints their names.
+pub(crate) fn write_all(
+    paths: impl IntoIterator<Item = Option<PathBuf>>,
+    contents: impl AsRef<[u8]>,
+) -> anyhow::Result<()> {
+    for path in paths.into_iter().flatten() {
+        write(&path, &contents)?;
+        println!("wrote {}", path.display());
+    }
+    Ok(())
 }
 
 #[cfg(test)]

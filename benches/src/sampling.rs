@@ -1,7 +1,7 @@
 //! Deterministic random numbers and directions.
 //!
-//! Only integers, + − × ÷ and √ go in, which are exact or rounded the same way everywhere: the same seed gives the same
-//! rays on every machine. Trigonometric functions of the platform would not.
+//! Only integers, + − × ÷ and √ are used, which are exact or rounded equally on every machine: equal seeds give equal rays.
+//! Trigonometric functions of the platform would not.
 
 use kd::glam::Vec3;
 

@@ -1,4 +1,4 @@
-//! `scenes.toml` in a folder of meshes: from where to look at each, and where its light is.
+//! `scenes.toml` in a folder of meshes: the camera and the light of each.
 //!
 //! ```toml
 //! [sponza]                  # the mesh file's name without its extension
@@ -17,7 +17,7 @@ use kd::glam::Vec3;
 use kd_scene::Camera;
 use serde::Deserialize;
 
-/// One entry. Everything may be left out.
+/// One entry. Every field is optional.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SceneView {

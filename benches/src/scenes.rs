@@ -8,13 +8,13 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use kd::Mesh;
 use kd::glam::Vec3;
-use kd_scene::{Camera, Spd};
+use kd_scene::{Camera, Light, SceneDescription, Spd};
 
-use crate::cli::{BenchArgs, UsageError};
+use crate::arguments::UsageError;
 use crate::scene_views::{self, SceneView};
 
-/// Sizes of the generated scenes: for a run of about two minutes on two cores, and for a check in seconds, for
-/// which one has too many triangles at any size.
+/// Sizes of the generated scenes: for a run of minutes on two cores, and for a check in seconds, without the scene that has
+/// too many triangles at any size.
 const GENERATED: [(Spd, u32, Option<u32>); 11] = [
     (Spd::Balls, 2, Some(1)),
     (Spd::Gears, 3, Some(1)),
@@ -29,10 +29,10 @@ const GENERATED: [(Spd, u32, Option<u32>); 11] = [
     (Spd::Jacks, 2, Some(1)),
 ];
 
-/// Extensions of mesh files, those of formats that are known but not read included: the loader says so by name.
+/// Extensions of mesh files, including formats that the loader refuses by name.
 const MESH_EXTENSIONS: &[&str] = &["obj", "ply", "gltf", "glb", "aff", "nff"];
 
-/// A mesh, how to look at it, and its light.
+/// A mesh, its camera and its light.
 #[derive(Debug)]
 pub(crate) struct Scene {
     pub(crate) mesh: Arc<Mesh>,
@@ -40,7 +40,7 @@ pub(crate) struct Scene {
     pub(crate) light: Vec3,
 }
 
-/// A scene that has not been made or read yet.
+/// A scene that is not generated or read yet.
 #[derive(Debug)]
 pub(crate) struct SceneSource {
     pub(crate) name: String,
@@ -54,48 +54,68 @@ enum Origin {
 }
 
 impl SceneSource {
+    pub(crate) fn generated(spd: Spd, size: u32) -> Self {
+        Self {
+            name: format!("{spd}-{size}"),
+            origin: Origin::Generated { spd, size },
+        }
+    }
+
     pub(crate) fn load(&self) -> anyhow::Result<Scene> {
+        Ok(self.load_described()?.0)
+    }
+
+    /// The scene, and its description for a renderer.
+    pub(crate) fn load_described(&self) -> anyhow::Result<(Scene, SceneDescription)> {
         match &self.origin {
             Origin::Generated { spd, size } => {
                 let setup = spd.generate(*size)?;
-                let light = *setup.lights.first().context("the scene has no light")?;
-                Ok(Scene {
-                    mesh: Arc::new(setup.mesh),
+                let scene = Scene {
+                    mesh: Arc::new(setup.mesh.clone()),
                     camera: setup.camera,
-                    light,
-                })
+                    light: *setup.lights.first().context("the scene has no light")?,
+                };
+                Ok((scene, SceneDescription::of_setup(setup)))
             }
             Origin::File { path, view } => {
-                let mesh = kd::load_mesh(path)?;
+                let mesh = Arc::new(kd::load_mesh(path)?);
                 let (camera, light) = view.resolve(mesh.bounds());
-                Ok(Scene {
-                    mesh: Arc::new(mesh),
+                let lamp = Light {
+                    position: light,
+                    color: Vec3::ONE,
+                    keys: None,
+                };
+                let description = SceneDescription {
+                    camera: Some(camera),
+                    lights: vec![lamp],
+                    ..SceneDescription::of_mesh(Arc::clone(&mesh))
+                };
+                let scene = Scene {
+                    mesh,
                     camera,
                     light,
-                })
+                };
+                Ok((scene, description))
             }
         }
     }
 
-    /// The name without the size that generated scenes carry.
+    /// The name without the size of generated scenes.
     fn bare_name(&self) -> &str {
         match &self.origin {
             Origin::Generated { spd, .. } => spd.name(),
             Origin::File { .. } => &self.name,
         }
     }
+
+    /// The common name of scenes that differ only in their detail, which is a number at the end of a file's name.
+    pub(crate) fn family(&self) -> &str {
+        self.bare_name()
+            .trim_end_matches(|c: char| c.is_ascii_digit())
+    }
 }
 
-/// The scenes that the command line asks for.
-pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<SceneSource>> {
-    choose_from(
-        arguments.scenes.as_deref(),
-        &arguments.scene,
-        arguments.smoke,
-    )
-}
-
-/// The generated scenes and those in a folder, or of these the ones that are named.
+/// The generated scenes and those in a folder, or the ones of them that are named.
 pub(crate) fn choose_from(
     folder: Option<&Path>,
     names: &[String],
@@ -118,7 +138,7 @@ pub(crate) fn choose_from(
     }
     let mut chosen = Vec::new();
     for wanted in names {
-        // A mesh file called like a family of generated scenes is meant by that name, not the family.
+        // A mesh file with the name of a family of generated scenes has priority.
         let exact = sources.iter().position(|source| source.name == *wanted);
         let found = exact.or_else(|| {
             let mut all = sources.iter();
@@ -127,7 +147,7 @@ pub(crate) fn choose_from(
         let Some(found) = found else {
             let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
             let message = format!(
-                "there is no scene `{wanted}`; there are {}",
+                "no scene is called `{wanted}`; known scenes: {}",
                 names.join(", ")
             );
             return Err(UsageError(message).into());
@@ -142,16 +162,12 @@ pub(crate) fn choose_from(
 fn generated(smoke: bool) -> Vec<SceneSource> {
     let sized = GENERATED.iter().filter_map(|(spd, size, smoke_size)| {
         let size = if smoke { (*smoke_size)? } else { *size };
-        let name = format!("{spd}-{size}");
-        Some(SceneSource {
-            name,
-            origin: Origin::Generated { spd: *spd, size },
-        })
+        Some(SceneSource::generated(*spd, size))
     });
     sized.collect()
 }
 
-/// The mesh files that lie directly in a folder, by name.
+/// The mesh files directly in a folder, by name.
 pub(crate) fn in_folder(folder: &Path) -> anyhow::Result<Vec<SceneSource>> {
     let mut views = views_of(folder)?;
     let entries = fs::read_dir(folder)
@@ -185,7 +201,7 @@ pub(crate) fn in_folder(folder: &Path) -> anyhow::Result<Vec<SceneSource>> {
         });
     }
     for name in views.keys() {
-        eprintln!("note: scenes.toml describes `{name}`, but there is no such mesh");
+        eprintln!("note: scenes.toml describes `{name}`, which is not a mesh of the folder");
     }
     Ok(sources)
 }
@@ -202,17 +218,19 @@ fn views_of(folder: &Path) -> anyhow::Result<BTreeMap<String, SceneView>> {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser as _;
-
     use super::*;
-    use crate::cli::{Cli, Command};
 
+    /// Of `--scenes FOLDER`, `--scene NAMES` and `--smoke`.
     fn chosen(arguments: &[&str]) -> Result<Vec<String>, String> {
-        let all = [&["kd-bench", "bench"], arguments].concat();
-        let Command::Bench(arguments) = Cli::try_parse_from(all).expect("valid").command else {
-            panic!("asked for bench");
+        let after = |flag: &str| {
+            let place = arguments.iter().position(|argument| *argument == flag);
+            place.map(|place| arguments[place + 1])
         };
-        let sources = choose(&arguments).map_err(|why| why.to_string())?;
+        let names =
+            after("--scene").map_or(vec![], |names| names.split(',').map(String::from).collect());
+        let folder = after("--scenes").map(Path::new);
+        let sources = choose_from(folder, &names, arguments.contains(&"--smoke"));
+        let sources = sources.map_err(|why| why.to_string())?;
         Ok(sources.into_iter().map(|source| source.name).collect())
     }
 
@@ -225,7 +243,7 @@ mod tests {
         );
         let refused = chosen(&["--scene", "hall"]).expect_err("no such scene");
         assert!(
-            refused.contains("no scene `hall`") && refused.contains("tetra-7"),
+            refused.contains("no scene is called `hall`") && refused.contains("tetra-7"),
             "{refused}"
         );
     }

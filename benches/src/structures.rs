@@ -1,15 +1,10 @@
-//! What structures cost and are worth that are no kd-trees: a table over rivals and over our default tree, with the goal of
-//! each row beside it.
+//! What structures other than kd-trees cost and are worth, over rivals and over our default tree, with goals.
 
-mod figures;
-mod table;
+use crate::peers;
+use crate::scene_table::{SceneTable, SceneTableArgs};
+use crate::view::View;
 
-use crate::scene_table::SceneTableArgs;
-use crate::{peers, terminal};
-
-use figures::{Figures, Settings};
-
-/// Scanned meshes, for which the goals are set, and others to compare with, in a folder of meshes.
+/// Scanned meshes, for which the goals are set, and others for comparison, in a folder of meshes.
 const SCENES: [&str; 7] = [
     "bunny",
     "dragon_res2",
@@ -20,21 +15,55 @@ const SCENES: [&str; 7] = [
     "munich",
 ];
 
-/// Measures, prints and writes; false if an answer is wrong. A goal that is not met is said, and is no failure.
+/// Measures, prints and writes; false if an answer is wrong.
 pub(crate) fn run(arguments: &SceneTableArgs) -> anyhow::Result<bool> {
     peers::check_available()?;
-    let sources = arguments.sources(Some(&SCENES))?;
-    let settings = Settings::new(arguments.samples, arguments.smoke);
-    let (folder, measured) =
-        arguments.measure(&sources, |source| Figures::measure(source, &settings))?;
-    let table = table::of(&measured);
-    println!("{table}");
-    println!(
-        "medians of {} pairs for each scene, and their geometric mean; rays are asked one by one, on one thread; speeds are \
-         geometric means over primary, shadow, AO, diffuse and random rays",
-        arguments.samples
-    );
-    arguments.keep(folder.structure_table(), &table.to_lines()?)?;
-    let problems = measured.iter().flat_map(|scene| &scene.problems);
-    Ok(terminal::tell_problems(problems))
+    let command = SceneTable {
+        usual: Some(&SCENES),
+        view: View::named(&["structures"], ("", ""))?,
+        file: "structures.jsonl",
+        note: "and their geometric mean; one ray at a time, on one thread; speeds are geometric means over primary, shadow, AO, \
+               diffuse and random rays",
+        rays: if arguments.smoke {
+            (32, 1 << 8)
+        } else {
+            (192, 1 << 14)
+        },
+        leaves_out: |_, _| false,
+    };
+    arguments.run(&command, |_, _| Ok(()), |_, _| Ok(String::new()))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::view::{View, cell};
+
+    #[test]
+    fn rows_have_their_goals() {
+        let cells = ["a", "b"].map(|scene| {
+            let factor = if scene == "a" { 0.5 } else { 2.0 };
+            let (obvhs, balanced) = ("obvhs/medium/own", "kd/balanced/wide");
+            [
+                cell(scene, "grid/exact/own", "", "embree/low/own", 0.6 * factor),
+                cell(scene, "grid/boxes/own", "", "embree/low/own", 0.4 * factor),
+                cell(scene, "bvh/objects/wide", "ao", obvhs, 4.0),
+                cell(scene, "bvh/objects/wide", "random", obvhs, 1.0),
+                cell(scene, "bsp/polygon/own", "primary", balanced, 4.0),
+            ]
+        });
+        let view = View::named(&["structures"], ("", "")).expect("valid");
+        let table = view.of(&cells.concat());
+        for (name, value, is_met) in [
+            ("build time, grid/exact / Embree low", 0.6, false),
+            ("build time, grid/boxes / Embree low", 0.4, true),
+            ("speed of rays, bvh/objects/wide / obvhs", 0.5, false),
+            ("speed of rays, bsp/polygon / balanced", 0.25, true),
+        ] {
+            let row = table.row(name);
+            assert!((row.of_all() - value).abs() < 1e-12, "{value}: {row:?}");
+            assert_eq!(row.is_met(), Some(is_met), "{row:?}");
+        }
+        let unknown = table.row("speed-up on two threads, grid/exact").is_met();
+        assert_eq!(unknown, None, "not measured");
+    }
 }

@@ -1,24 +1,99 @@
-//! A run: every variant on every scene with every kind of ray.
+//! `bench`: every variant on every scene with every kind of ray.
 
+mod native;
+mod variants;
+
+use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::ValueEnum as _;
+use clap::{Args, ValueEnum as _};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::check::{Answers, as_source};
-use crate::cli::{BenchArgs, name_of};
+use crate::arguments::{at_least_one, name_of};
 use crate::environment::Environment;
-use crate::measure::{self, Pairs, Repeats};
+use crate::measure::{Repeats, timed_in_pairs};
+use crate::names::{BuilderName, LayoutName, REFERENCE, RIVAL, StructureName, Variant};
 use crate::rays::RayKind;
-use crate::record::{self, Exact, Record, Steps, Timed};
+use crate::record::{self, Exact, Record, Steps};
+use crate::report;
 use crate::run_folder::{self, RunFolder};
 use crate::scenes::{self, Scene, SceneSource};
-use crate::structure::{REFERENCE, RIVAL, Shape, Structure, Variant};
-use crate::variants::without_repeats;
-use crate::workload::{self, Amount, Workload};
-use crate::{native, peers, picture, report, terminal, variants};
+use crate::session::Session;
+use crate::structure::{Manner, Structure};
+use crate::workload::{self, Amount, Traced, Workload};
+use crate::{ours, peers, picture, text};
 
-/// How much of everything.
+use variants::without_repeats;
+
+/// What to measure. Lists are separated by commas.
+#[derive(Args, Debug)]
+pub(crate) struct BenchArgs {
+    /// Adds the mesh files in this folder to the generated scenes; it may hold scenes.toml with cameras and lights
+    #[arg(long, value_name = "DIR", env = "KD_SCENES")]
+    scenes: Option<PathBuf>,
+
+    /// Only these scenes; a generated one may be named without its size [default: all]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    scene: Vec<String>,
+
+    /// Structures to build [default: kd; all with --peers; all of ours with --smoke]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    structure: Vec<StructureName>,
+
+    /// Builders, for structures that have them [default for kd: median,binned,exact,fast,balanced,best;
+    /// fast,balanced,best with --peers; all with --smoke; all of any other structure]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    builder: Vec<BuilderName>,
+
+    /// Layouts of nodes [default: binary for builders of kd-trees, to compare the trees that they build; wide for the
+    /// presets fast, balanced and best and for hierarchies]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    layout: Vec<LayoutName>,
+
+    /// Kinds of rays to trace [default: all]
+    #[arg(long, value_name = "KIND", value_delimiter = ',')]
+    rays: Vec<RayKind>,
+
+    /// Threads that build and trace
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = at_least_one)]
+    threads: usize,
+
+    /// Timed repeats, each after one of the baseline [default: 3, fewer if they take seconds; 1 with --smoke]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    samples: Option<usize>,
+
+    /// Of each kind but primary, keep about this many rays, in whole runs of 64 neighbours; 0 keeps all
+    /// [default: 65536; 4096 with --smoke]
+    #[arg(long, value_name = "N")]
+    ray_limit: Option<usize>,
+
+    /// Of each kind, compare at least N answers with a test of every triangle; 20000 make 10⁵ for a scene
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    check: usize,
+
+    /// Also measure rival libraries; the baseline is then Embree's medium build instead of our balanced one
+    #[arg(long)]
+    peers: bool,
+
+    /// This program built for this processor: rivals in Rust run there too, and the faster cells are kept
+    /// [`cargo xtask bench --peers` builds one]
+    #[arg(long, value_name = "PROGRAM", requires = "peers")]
+    native_build: Option<PathBuf>,
+
+    /// Tiny scenes, few rays, one repeat, every builder: a check that the command works, in seconds
+    #[arg(long)]
+    smoke: bool,
+
+    /// Also write the records to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Where the folder of the run goes [default: target/bench of the workspace]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// The amount of work.
 #[derive(Clone, Copy, Debug)]
 struct Effort {
     repeats: Repeats,
@@ -36,10 +111,7 @@ const FULL: Effort = Effort {
     picture_side: 400,
 };
 const SMOKE: Effort = Effort {
-    repeats: Repeats {
-        pairs: 1,
-        until: Duration::MAX,
-    },
+    repeats: Repeats::all(1),
     rays: Amount {
         side: 128,
         ray_limit: 1 << 12,
@@ -49,12 +121,13 @@ const SMOKE: Effort = Effort {
     picture_side: 96,
 };
 
-/// Runs the whole, prints and writes what comes out; false if an answer was wrong or a scene could not be measured.
+/// Measures everything, prints and writes; false if an answer is wrong or a scene cannot be measured.
 pub(crate) fn run(arguments: &BenchArgs) -> anyhow::Result<bool> {
     if arguments.peers {
         peers::check_available()?;
     }
-    let sources = scenes::choose(arguments)?;
+    let scene = &arguments.scene;
+    let sources = scenes::choose_from(arguments.scenes.as_deref(), scene, arguments.smoke)?;
     let plan = Plan::new(arguments)?;
     if arguments.scenes.is_none() {
         println!("only generated scenes; `--scenes DIR` or KD_SCENES=DIR adds mesh files");
@@ -74,12 +147,12 @@ pub(crate) fn run(arguments: &BenchArgs) -> anyhow::Result<bool> {
         if let Err(why) = sweep.measure_scene(source) {
             sweep.problems.push(format!("{}: {why:#}", source.name));
         }
-        // After each scene, so that an interrupted run keeps what is done.
+        // After each scene, so that an interrupted run keeps its records.
         run_folder::write(&sweep.folder.records(), record::to_lines(&sweep.records)?)?;
     }
     sweep.progress.finish_and_clear();
     if let Some(program) = &arguments.native_build {
-        println!("Rust rivals once more, in {}", program.display());
+        println!("Rust rivals again, in {}", program.display());
         let own = native::measure(program, arguments, &sweep.folder)?;
         native::keep_better(&mut sweep.records, own);
     }
@@ -95,7 +168,7 @@ fn progress_bar(cells: usize) -> ProgressBar {
 /// What to measure.
 struct Plan {
     variants: Vec<Variant>,
-    /// What runs before every timed repeat.
+    /// Runs before every timed repeat.
     baseline: Variant,
     kinds: Vec<RayKind>,
     threads: usize,
@@ -106,11 +179,8 @@ impl Plan {
     fn new(arguments: &BenchArgs) -> anyhow::Result<Self> {
         let mut effort = if arguments.smoke { SMOKE } else { FULL };
         if let Some(pairs) = arguments.samples {
-            // Asked for by number, they are all taken, however long it takes.
-            effort.repeats = Repeats {
-                pairs,
-                until: Duration::MAX,
-            };
+            // An explicit number has no time limit.
+            effort.repeats = Repeats::all(pairs);
         }
         effort.rays.ray_limit = arguments.ray_limit.unwrap_or(effort.rays.ray_limit);
         effort.rays.least_checked = arguments.check;
@@ -148,202 +218,128 @@ impl Sweep {
     fn measure_scene(&mut self, source: &SceneSource) -> anyhow::Result<()> {
         let name = &source.name;
         self.say(&format!("{name}: loading"));
-        let scene = source.load()?;
-        self.say(&format!(
-            "{name}: building what to compare with, making rays, checking them"
-        ));
-        let build = |variant: Variant| variant.build(&scene.mesh, self.plan.threads);
+        let (scene, description) = source.load_described()?;
+        self.say(&format!("{name}: baseline, rays and their checks"));
+        let (plan, environment) = (&self.plan, self.environment.clone());
+        let build = |variant: Variant| variant.build(&scene.mesh, plan.threads);
         let reference = build(REFERENCE)?.structure;
-        let rival = if self.plan.baseline == REFERENCE {
+        let rival = if plan.baseline == REFERENCE {
             None
         } else {
-            Some(build(self.plan.baseline)?.structure)
+            Some(build(plan.baseline)?.structure)
         };
         let baseline = rival.as_ref().unwrap_or(&reference);
-        let (kinds, amount) = (&self.plan.kinds, self.plan.effort.rays);
-        let workloads = workload::all(&scene, kinds, amount, &*reference);
-        for variant in self.plan.variants.clone() {
-            self.measure_variant(name, &scene, variant, &**baseline, &workloads)?;
+        let mut session = Session::new(&environment, name, scene.mesh.len(), 1);
+        session.repeats = plan.effort.repeats;
+        session.workloads = workload::all(&scene, &plan.kinds, plan.effort.rays, &*reference);
+        for variant in plan.variants.clone() {
+            self.measure_variant(&mut session, &scene, variant, &**baseline)?;
         }
+        self.records.append(&mut session.cells);
+        self.problems.append(&mut session.problems);
         self.say(&format!("{name}: pictures"));
-        self.illustrate(name, &scene, &*reference)
+        let (folder, side) = (&self.folder, self.plan.effort.picture_side);
+        run_folder::write(&folder.statistics(name), reference.shape().text)?;
+        let shaded = picture::shaded(description, side)?;
+        run_folder::write(&folder.picture(name, "shaded"), shaded)?;
+        let (heat, scale) = picture::heat(&scene, side)?;
+        run_folder::write(&folder.picture(name, "heat"), heat)?;
+        run_folder::write(&folder.heat_scale(name), serde_json::to_vec(&scale)?)
     }
 
     fn measure_variant(
         &mut self,
-        name: &str,
+        session: &mut Session<'_>,
         scene: &Scene,
         variant: Variant,
         baseline: &dyn Structure,
-        workloads: &[Workload],
     ) -> anyhow::Result<()> {
-        let (triangles, most) = (scene.mesh.len(), variant.builder.most_triangles());
+        let (name, triangles) = (session.scene.clone(), scene.mesh.len());
+        let most = variant.builder.most_triangles();
         if triangles > most {
             let builder = name_of(&variant.builder);
             self.skipped.push(format!(
-                "{name}: `{builder}` takes too long above {most} triangles, here are {triangles}"
+                "{name}: `{builder}` takes too long above {most} triangles; the scene has {triangles}"
             ));
-            self.progress.inc(workloads.len() as u64);
+            self.progress.inc(session.workloads.len() as u64);
             return Ok(());
         }
         self.say(&format!("{name}: {variant}, building"));
-        let threads = self.plan.threads;
-        let repeats = self.plan.effort.repeats;
-        let build_seconds = |variant: Variant| {
-            let built = variant.build(&scene.mesh, threads)?;
-            anyhow::Ok(built.seconds)
-        };
-        let builds = measure::timed_in_pairs(
-            repeats,
-            || build_seconds(self.plan.baseline),
-            || build_seconds(variant),
+        let (threads, over) = (self.plan.threads, self.plan.baseline);
+        let builds = timed_in_pairs(
+            session.repeats,
+            || over.build_seconds(&scene.mesh, threads),
+            || variant.build_seconds(&scene.mesh, threads),
         )?;
-        // On one thread, so that the peak does not depend on which threads happen to work at the same time.
+        // On one thread, so that the peak does not depend on which threads work at the same time.
         let built = variant.build(&scene.mesh, 1)?;
-        let peak_build_bytes = variant
-            .peak_bytes_of_tree(&scene.mesh)?
-            .unwrap_or(built.peak_bytes);
+        let of_tree = ours::peak_bytes_of_tree(variant, &scene.mesh)?;
         let structure = built.structure;
         if let Some(flaw) = structure.flaw() {
             self.problems.push(format!("{name} {variant}: {flaw}"));
         }
         let shape = structure.shape();
-        for workload in workloads {
-            let kind = name_of(&workload.kind);
-            self.say(&format!("{name}: {variant}, {kind}"));
-            let mut answers = Answers::none(workload.kind, workload.rays.len());
-            let traces = workload.time(repeats, threads, baseline, &*structure, &mut answers);
-            let record = Record {
-                schema: record::SCHEMA,
-                rev: self.environment.rev.clone(),
-                cpu: self.environment.cpu.clone(),
-                rustc: self.environment.rustc.clone(),
-                rustflags: self.environment.rustflags.clone(),
+        for kind in &self.plan.kinds {
+            self.say(&format!("{name}: {variant}, {}", name_of(kind)));
+            let steps = steps_of(&*structure, session.workload(*kind));
+            let traced = |structure| Traced {
+                structure,
+                by: Manner::Single,
                 threads,
-                simd: self.environment.simd.clone(),
-                scene: name.to_owned(),
-                triangles,
-                structure: name_of(&variant.structure),
-                builder: name_of(&variant.builder),
-                layout: variant.layout.name(),
-                rays: kind,
-                baseline: self.plan.baseline.to_string(),
-                exact: Exact {
-                    peak_build_bytes,
-                    rays: workload.rays.len(),
-                    hits: answers.hits(),
-                    hit_hash: answers.hash(),
-                    steps: steps_of(&*structure, workload),
-                    ..exact_of(&shape)
-                },
-                timed: timed_of(&builds, &traces, workload.rays.len()),
             };
-            let record = self.checked(record, variant, workload, &answers);
-            self.records.push(record);
+            let cell = session.trace(
+                *kind,
+                (variant, traced(&*structure)),
+                (over, traced(baseline)),
+            );
+            (cell.timed.build_ms, cell.timed.baseline_build_ms) = builds.scaled(1e3);
+            cell.exact = Exact {
+                nodes: shape.nodes,
+                leaves: shape.leaves,
+                empty_leaves: shape.empty_leaves,
+                refs: shape.refs,
+                depth: shape.depth,
+                sah_cost_15_20: shape.sah_cost_15_20,
+                sah_cost_own: shape.sah_cost_own,
+                bytes_total: shape.bytes_total,
+                peak_build_bytes: of_tree.unwrap_or(built.peak_bytes),
+                steps,
+                ..cell.exact.clone()
+            };
             self.progress.inc(1);
         }
         Ok(())
     }
 
-    /// The record with what is wrong with the answers: how many differ from the reference's, and for ours from those
-    /// of brute force. The first of each is told.
-    fn checked(
-        &mut self,
-        mut record: Record,
-        variant: Variant,
-        workload: &Workload,
-        answers: &Answers,
-    ) -> Record {
-        let mut found = Vec::new();
-        if variant.is_rival() {
-            let disagreements = workload.expected.disagreements(answers);
-            let share = disagreements.len() as f64 / workload.rays.len().max(1) as f64;
-            record.exact.mismatches = disagreements.len();
-            record.exact.disagreement_ppm = Some(share * 1e6);
-            found.push(("ours", disagreements));
-        } else {
-            let from_reference = answers.differences(&workload.expected);
-            let from_brute_force = workload.brute_force.differences(answers);
-            record.exact.mismatches = from_reference.len();
-            record.exact.brute_force_rays = workload.brute_force.rays.len();
-            record.exact.brute_force_mismatches = from_brute_force.len();
-            found.push(("the reference", from_reference));
-            found.push(("a test of every triangle", from_brute_force));
-        }
-        if record.is_wrong() {
-            let cell = record.cell();
-            for (what, differences) in &found {
-                if let Some(first) = differences.first() {
-                    let (count, ray) = (differences.len(), as_source(&workload.rays[*first]));
-                    self.problems.push(format!(
-                        "{cell}: {count} rays differ from {what}, first {ray}"
-                    ));
-                }
-            }
-        }
-        record
-    }
-
-    fn illustrate(
-        &self,
-        name: &str,
-        scene: &Scene,
-        reference: &dyn Structure,
-    ) -> anyhow::Result<()> {
-        let (folder, side) = (&self.folder, self.plan.effort.picture_side);
-        run_folder::write(&folder.statistics(name), reference.shape().text)?;
-        run_folder::write(
-            &folder.picture(name, "shaded"),
-            picture::shaded(scene, reference, side)?,
-        )?;
-        if let Some((heat, scale)) = picture::heat(scene, reference, side)? {
-            run_folder::write(&folder.picture(name, "heat"), heat)?;
-            run_folder::write(&folder.heat_scale(name), serde_json::to_vec(&scale)?)?;
-        }
-        Ok(())
-    }
-
     fn conclude(self, arguments: &BenchArgs) -> anyhow::Result<bool> {
-        run_folder::write(&self.folder.records(), record::to_lines(&self.records)?)?;
+        let lines = record::to_lines(&self.records)?;
+        run_folder::write(&self.folder.records(), &lines)?;
         report::write(&self.folder, &self.records)?;
         let latest = self.folder.publish_as_latest()?;
-        if let Some(path) = &arguments.json {
-            run_folder::write(path, record::to_lines(&self.records)?)?;
-        }
-        println!("{}", terminal::table(&self.records));
-        println!(
-            "× is the speed relative to {}, the median of pairs of runs; above 1 is faster",
-            self.plan.baseline
-        );
+        println!("{}", text::summary(&self.records));
         if self.records.iter().any(Record::is_of_rival) {
             println!(
-                "ppm are a rival's answers that differ from ours, in a million; (native) are times of a build for this \
-                 processor, where a rival is faster in one"
+                "ppm: a rival's answers that differ from ours, in a million; (native): times of a build for this processor, where \
+                 a rival is faster in one"
             );
         }
         for skipped in &self.skipped {
             println!("skipped: {skipped}");
         }
-        let rays: usize = self.records.iter().map(|record| record.exact.rays).sum();
-        let checked: usize = self
-            .records
-            .iter()
-            .map(|record| record.exact.brute_force_rays)
-            .sum();
+        let sum = |count: fn(&Exact) -> usize| -> usize {
+            self.records.iter().map(|record| count(&record.exact)).sum()
+        };
         println!(
-            "checked: every tree for parts of triangles it misses; {rays} answers against the reference's, {checked} of them \
-             against a test of every triangle"
+            "checked: every tree for missing parts of triangles; {} answers against the reference's, {} of them against a test of \
+             every triangle",
+            sum(|exact| exact.rays),
+            sum(|exact| exact.brute_force_rays)
         );
-        for problem in &self.problems {
-            eprintln!("FAILED: {problem}");
+        run_folder::write_all([arguments.json.clone()], lines)?;
+        for path in [self.folder.records(), self.folder.report(), latest] {
+            println!("wrote {}", path.display());
         }
-        let extra = arguments.json.iter().map(|path| path.display().to_string());
-        let written = [self.folder.records(), self.folder.report(), latest]
-            .map(|path| path.display().to_string());
-        for path in written.into_iter().chain(extra) {
-            println!("wrote {path}");
-        }
-        Ok(self.problems.is_empty())
+        Ok(text::report_problems(&self.problems))
     }
 }
 
@@ -359,27 +355,14 @@ fn steps_of(structure: &dyn Structure, workload: &Workload) -> Option<Steps> {
     Some(sum)
 }
 
-fn exact_of(shape: &Shape) -> Exact {
-    Exact {
-        nodes: shape.nodes,
-        leaves: shape.leaves,
-        empty_leaves: shape.empty_leaves,
-        refs: shape.refs,
-        depth: shape.depth,
-        sah_cost_15_20: shape.sah_cost_15_20,
-        sah_cost_own: shape.sah_cost_own,
-        bytes_total: shape.bytes_total,
-        ..Exact::default()
-    }
-}
+/// The arguments of a command line, for tests.
+#[cfg(test)]
+fn parsed<T: Into<std::ffi::OsString> + Clone>(
+    arguments: impl IntoIterator<Item = T>,
+) -> BenchArgs {
+    use clap::FromArgMatches as _;
 
-fn timed_of(builds: &Pairs, traces: &Pairs, rays: usize) -> Timed {
-    let (build_ms, baseline_build_ms) = builds.scaled(1e3);
-    let (trace_ns_per_ray, baseline_ns_per_ray) = traces.scaled(1e9 / rays.max(1) as f64);
-    Timed {
-        build_ms,
-        trace_ns_per_ray,
-        baseline_build_ms,
-        baseline_ns_per_ray,
-    }
+    let command = BenchArgs::augment_args(clap::Command::new("bench").no_binary_name(true));
+    let matches = command.try_get_matches_from(arguments).expect("valid");
+    BenchArgs::from_arg_matches(&matches).expect("valid")
 }

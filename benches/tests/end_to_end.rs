@@ -12,7 +12,7 @@ fn kd_bench(arguments: &[&str]) -> Output {
         .expect("the program starts")
 }
 
-/// Measures two tiny scenes and gives the run's records and what was printed.
+/// Measures two tiny scenes; the records of the run and its output.
 fn sweep(out: &Path, json: &str, threads: &str) -> (Vec<serde_json::Value>, String) {
     let json = out.join(json);
     let output = kd_bench(&[
@@ -94,7 +94,7 @@ fn two_runs_agree_on_everything_exact() {
 }
 
 #[test]
-fn compare_tells_equal_runs_from_changed_ones() {
+fn compare_distinguishes_equal_runs_from_changed_ones() {
     let out = tempfile::tempdir().expect("a folder");
     let (_, _) = sweep(out.path(), "first.jsonl", "1");
     let path = |name: &str| out.path().join(name).display().to_string();
@@ -117,7 +117,7 @@ fn compare_tells_equal_runs_from_changed_ones() {
 }
 
 #[test]
-fn what_there_is_not_is_refused_with_exit_code_2() {
+fn unknown_names_are_refused_with_exit_code_2() {
     for (arguments, said) in [
         (["bench", "--builder", "grown"], "balanced"),
         (["bench", "--scene", "atlantis"], "tetra-7"),
@@ -133,7 +133,7 @@ fn what_there_is_not_is_refused_with_exit_code_2() {
     }
 }
 
-/// What a program with rivals printed; none where Embree is not installed, which it must say.
+/// The output of a program with rivals; `None` without an installed Embree, which the error must name.
 #[cfg(feature = "peers")]
 fn with_rivals(arguments: &[&str]) -> Option<String> {
     let output = kd_bench(arguments);
@@ -197,7 +197,7 @@ fn the_table_of_builds_has_goals_and_growth() {
 
 #[cfg(feature = "peers")]
 #[test]
-fn the_table_of_rays_has_goals_and_says_where_embree_differs() {
+fn the_table_of_rays_has_goals_and_disagreements_of_embree() {
     let out = tempfile::tempdir().expect("a folder");
     let (runs, file) = (out.path().join("runs"), out.path().join("rows.jsonl"));
     let (runs, file) = (runs.display().to_string(), file.display().to_string());
@@ -213,7 +213,7 @@ fn the_table_of_rays_has_goals_and_says_where_embree_differs() {
         "tetra-4",
         "≥ 1.3",
         "first 4 hits / Embree with a filter",
-        "Embree sees differently: tetra-4 ",
+        "Embree finds differently: tetra-4 ",
         "rays.jsonl",
     ] {
         assert!(printed.contains(part), "{part} in\n{printed}");
@@ -224,4 +224,56 @@ fn the_table_of_rays_has_goals_and_says_where_embree_differs() {
         batches.is_some_and(|row| row.contains("\"met\":null")),
         "no scene is large: {rows}"
     );
+}
+
+/// Every command that measures, on tiny scenes; those of rivals where Embree is installed.
+#[test]
+fn commands_work_on_tiny_scenes() {
+    let out = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| out.path().join(name).display().to_string();
+    #[cfg(feature = "peers")]
+    let runs = file("runs");
+    let commands = [
+        (
+            vec!["merges"],
+            "partition trees: updates in the time of `best`",
+        ),
+        (vec!["paper", "merge-table"], "auto: update, ms"),
+        (vec!["paper", "merge-table", "--growth"], "merge ms"),
+        (vec!["paper", "merge-table", "--rendered"], "Mray/s"),
+        #[cfg(feature = "peers")]
+        (
+            vec!["paper", "merge-table", "--peers"],
+            "Embree refit: trace, ms",
+        ),
+        #[cfg(feature = "peers")]
+        (
+            vec!["paper", "merge-table", "--rendered", "--peers"],
+            "tracing by Embree / ours",
+        ),
+        #[cfg(feature = "peers")]
+        (
+            vec!["structures", "--scene", "jacks", "--out", &runs],
+            "bvh/objects/wide / obvhs",
+        ),
+    ];
+    for (number, (call, part)) in commands.into_iter().enumerate() {
+        let rows = file(&number.to_string());
+        let smoke = ["--smoke", "--samples", "1", "--json", &rows];
+        let output = kd_bench(&[&call[..], &smoke].concat());
+        let (printed, complained) = (
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr),
+        );
+        if complained.contains("Embree 3 cannot be opened") {
+            continue;
+        }
+        assert_eq!(output.status.code(), Some(0), "{call:?}: {complained}");
+        assert!(printed.contains(part), "{call:?}: {part} in\n{printed}");
+        let rows = fs::read_to_string(rows).expect("written");
+        assert!(!rows.is_empty(), "{call:?}");
+        for row in rows.lines() {
+            let _: serde_json::Value = serde_json::from_str(row).expect("JSON lines");
+        }
+    }
 }

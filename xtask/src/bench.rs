@@ -1,29 +1,35 @@
-//! Everything that measures: builds `kd-bench`, in release unless nothing is measured, and hands it the arguments.
+//! Commands that measure: builds `kd-bench`, in release unless nothing is measured, and passes the arguments on.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use crate::{Outcome, cargo, workspace_root};
 
-/// Rivals written in Rust are faster for some users than in a default build, so they are measured in both.
+/// Rivals written in Rust are faster in a build for this processor, which their users can choose, so they are measured in both
+/// builds.
 const RUST_RIVALS: [&str; 3] = ["obvhs", "bvh", "parry3d"];
 
-/// Runs `kd-bench SUBCOMMAND ARGUMENTS` in the user's folder, so that relative paths mean what they say, and passes its
-/// exit code on.
+/// Runs `kd-bench SUBCOMMAND ARGUMENTS` in the user's folder, so that relative paths stay valid, and passes its exit code on.
+/// With `--peers`, rival libraries are compiled in.
 pub(crate) fn run(subcommand: &str, arguments: &[String]) -> Outcome {
     let has_rivals = arguments.iter().any(|argument| argument == "--peers");
-    if !has_rivals {
-        return start(subcommand, &[], arguments);
+    if has_rivals {
+        return with_rivals(subcommand, arguments);
     }
+    start(subcommand, &[], arguments)
+}
+
+/// [`run`] for the one subcommand that measures rivals written in Rust in a second build, too, and takes its path.
+pub(crate) fn run_with_native_build(subcommand: &str, arguments: &[String]) -> Outcome {
     let mut arguments = arguments.to_vec();
-    if names_rust_rival(&arguments) {
+    if needs_native_build(&arguments) {
         let program = native_build()?;
         arguments.extend(["--native-build".into(), program.display().to_string()]);
     }
-    with_rivals(subcommand, &arguments)
+    run(subcommand, &arguments)
 }
 
-/// The same in a build with rival libraries.
+/// Runs a build with rival libraries.
 pub(crate) fn with_rivals(subcommand: &str, arguments: &[String]) -> Outcome {
     start(subcommand, &["--features", "peers"], arguments)
 }
@@ -31,7 +37,7 @@ pub(crate) fn with_rivals(subcommand: &str, arguments: &[String]) -> Outcome {
 fn start(subcommand: &str, flags: &[&str], arguments: &[String]) -> Outcome {
     let status = cargo()
         .arg("run")
-        .args(profile(arguments))
+        .args(profile(subcommand, arguments))
         .args(["--package", "kd-bench", "--manifest-path"])
         .arg(workspace_root().join("Cargo.toml"))
         .args(flags)
@@ -44,14 +50,25 @@ fn start(subcommand: &str, flags: &[&str], arguments: &[String]) -> Outcome {
         .ok_or_else(|| format!("kd-bench was stopped: {status}"))
 }
 
-/// A smoke only checks that everything works: the build that tests have made is good enough.
-fn profile(arguments: &[String]) -> Option<&'static str> {
+/// Release for measurements. Subcommands that read records, and runs with `--smoke`, which only check that the command works, use
+/// the build of the tests.
+fn profile(subcommand: &str, arguments: &[String]) -> Option<&'static str> {
+    let reads_records = ["report", "compare", "results"].contains(&subcommand);
     let is_smoke = arguments.iter().any(|argument| argument == "--smoke");
-    (!is_smoke).then_some("--release")
+    (!reads_records && !is_smoke).then_some("--release")
 }
 
-/// Whether a run measures one of [`RUST_RIVALS`]: all rivals, unless `--structure` says which.
-fn names_rust_rival(arguments: &[String]) -> bool {
+/// Whether a run measures one of [`RUST_RIVALS`]: with `--peers`, all of them unless `--structure` names others. Neither help nor a
+/// check that the command works needs the second build.
+fn needs_native_build(arguments: &[String]) -> bool {
+    let has = |flags: &[&str]| {
+        arguments
+            .iter()
+            .any(|argument| flags.contains(&argument.as_str()))
+    };
+    if !has(&["--peers"]) || has(&["--help", "-h", "--native-build", "--smoke"]) {
+        return false;
+    }
     let mut lists = Vec::new();
     for (place, argument) in arguments.iter().enumerate() {
         if let Some(list) = argument.strip_prefix("--structure=") {
@@ -64,8 +81,8 @@ fn names_rust_rival(arguments: &[String]) -> bool {
     lists.is_empty() || names.any(|name| RUST_RIVALS.contains(&name))
 }
 
-/// Builds `kd-bench` with rivals for this very processor, in a folder of its own so that the default build stays, and
-/// tells where it is.
+/// Builds `kd-bench` with rivals for this processor, in a separate folder so that the default build stays, and returns its
+/// path.
 fn native_build() -> Result<PathBuf, String> {
     let folder = workspace_root().join("target").join("native");
     let status = cargo()
@@ -74,7 +91,7 @@ fn native_build() -> Result<PathBuf, String> {
         .arg(workspace_root().join("Cargo.toml"))
         .arg("--target-dir")
         .arg(&folder)
-        // The other variable would take the place of this one.
+        // The other variable would override this one.
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env("RUSTFLAGS", "-C target-cpu=native")
         .status()
@@ -90,32 +107,40 @@ fn native_build() -> Result<PathBuf, String> {
 mod tests {
     use super::*;
 
-    fn measures_rust_rival(arguments: &str) -> bool {
+    fn needs_second_build(arguments: &str) -> bool {
         let arguments: Vec<String> = arguments.split(' ').map(String::from).collect();
-        names_rust_rival(&arguments)
+        needs_native_build(&arguments)
     }
 
     #[test]
-    fn what_is_measured_is_built_in_release() {
-        let profile = |arguments: &str| {
-            let arguments: Vec<String> = arguments.split(' ').map(String::from).collect();
-            profile(&arguments)
+    fn measurements_run_in_release() {
+        let profile = |call: &str| {
+            let call: Vec<String> = call.split(' ').map(String::from).collect();
+            profile(&call[0], &call[1..])
         };
-        assert_eq!(profile("--samples 5"), Some("--release"));
-        assert_eq!(profile("--samples 1 --smoke"), None);
+        assert_eq!(profile("bench --samples 5"), Some("--release"));
+        assert_eq!(profile("bench --samples 1 --smoke"), None);
+        assert_eq!(profile("results --check"), None);
     }
 
     #[test]
-    fn a_second_build_is_made_only_for_rivals_written_in_rust() {
-        assert!(measures_rust_rival("--peers"), "all of them");
-        assert!(measures_rust_rival("--structure kd,bvh"), "one in a list");
+    fn only_rivals_written_in_rust_need_a_second_build() {
+        assert!(needs_second_build("--peers"), "all of them");
         assert!(
-            measures_rust_rival("--structure=kd --structure=obvhs"),
+            needs_second_build("--peers --structure kd,bvh"),
+            "one in a list"
+        );
+        assert!(
+            needs_second_build("--structure=kd --structure=obvhs --peers"),
             "one of two flags"
         );
-        assert!(
-            !measures_rust_rival("--structure kd,embree --scene bvh"),
-            "none of them"
-        );
+        for arguments in [
+            "--peers --structure kd,embree --scene bvh",
+            "--structure bvh",
+            "--peers --help",
+            "--peers --smoke",
+        ] {
+            assert!(!needs_second_build(arguments), "{arguments}");
+        }
     }
 }

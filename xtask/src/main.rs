@@ -29,7 +29,7 @@ const COMMANDS: &[Command] = &[
         name: "bench",
         arguments: "[OPTIONS]",
         help: "measure builds and rays over the scenes (`bench --help` lists the options)",
-        run: |arguments| bench::run("bench", arguments),
+        run: |arguments| bench::run_with_native_build("bench", arguments),
     },
     Command {
         name: "builds",
@@ -84,6 +84,12 @@ const COMMANDS: &[Command] = &[
         arguments: "RUN RUN",
         help: "list what differs between two runs; fails on any exact difference",
         run: |arguments| bench::run("compare", arguments),
+    },
+    Command {
+        name: "results",
+        arguments: "[--check]",
+        help: "write docs/results.md from the recorded runs; with --check, fail if it differs",
+        run: |arguments| bench::run("results", arguments),
     },
     Command {
         name: "tidy",

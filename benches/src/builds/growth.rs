@@ -1,4 +1,4 @@
-//! How build times grow with the mesh, over those of Embree.
+//! Build times over Embree's, by the size of the mesh.
 
 use std::fmt;
 use std::sync::Arc;
@@ -7,28 +7,31 @@ use std::time::Duration;
 use kd_scene::Spd;
 use serde_json::json;
 
-use super::figures::{PRESETS, Settings};
-use crate::goals::geometric_mean;
-use crate::plots::{Axis, LinePlot};
-use crate::structure::BuilderName;
-use crate::terminal;
+use super::{PRESETS, embree};
+use crate::arguments::name_of;
+use crate::environment::Environment;
+use crate::names::{BuilderName, LayoutName, Variant};
+use crate::plots::{Axis, XyPlot};
+use crate::session::Session;
+use crate::text;
+use crate::view::geometric_mean;
 
-/// Meshes that only get finer: one without any plane to share, one where triangles lie in planes.
+/// Meshes that differ only in detail: one whose triangles share no plane, one whose triangles lie in common planes.
 const KINDS: [Spd; 2] = [Spd::Tetra, Spd::Lattice];
-/// Where growth starts.
+/// The smallest mesh, in triangles.
 const LEAST: u64 = 10_000;
-/// From mesh to mesh, by so much at least.
+/// The least factor from one mesh to the next.
 const STEP: f64 = 2.5;
-/// After so long no further pair of builds begins.
+/// No pair of builds begins after this time.
 const LIMIT: Duration = Duration::from_secs(20);
-/// How far a ratio may be from the mean of its line, as a part of it.
+/// The allowed relative distance of a ratio from the mean of its line.
 const ALLOWED: f64 = 0.25;
 
 /// Build time of a preset over that of Embree's medium build, by size.
 #[derive(Debug)]
 struct Line {
     kind: Spd,
-    preset: &'static str,
+    preset: String,
     /// Triangles and ratio.
     points: Vec<(u64, f64)>,
 }
@@ -37,29 +40,34 @@ struct Line {
 #[derive(Debug)]
 pub(super) struct Growth(Vec<Line>);
 
-pub(super) fn measure(most: u64, settings: &Settings) -> anyhow::Result<Growth> {
-    let settings = settings.until(LIMIT);
+/// Times presets in `layout`, at most `samples` times each.
+pub(super) fn measure(most: u64, samples: usize, layout: LayoutName) -> anyhow::Result<Growth> {
+    let environment = Environment::detect();
+    let rival = embree(BuilderName::Medium);
     let mut lines: Vec<Line> = Vec::new();
     for kind in KINDS {
         let first = lines.len();
         lines.extend(PRESETS.map(|preset| Line {
             kind,
-            preset,
+            preset: name_of(&preset),
             points: Vec::new(),
         }));
         for (size, triangles) in sizes(kind, most) {
             eprintln!("{kind}-{size}: {triangles} triangles");
             let mesh = Arc::new(kind.generate(size)?.mesh);
-            let ratios = settings.over_embree(&mesh, [BuilderName::Medium; 3])?;
-            for (line, ratio) in lines[first..].iter_mut().zip(ratios) {
-                line.points.push((triangles, ratio));
+            let session = Session::new(&environment, kind.name(), mesh.len(), samples);
+            let mut session = session.until(LIMIT);
+            for (line, preset) in lines[first..].iter_mut().zip(PRESETS) {
+                let ours = Variant::kd(preset, layout);
+                let cell = session.build(&mesh, (ours, 1), (rival, 1))?;
+                line.points.push((triangles, cell.build_ratio()));
             }
         }
     }
     Ok(Growth(lines))
 }
 
-/// The sizes of a scene that make steps of [`STEP`], with their triangles.
+/// The sizes of a scene in steps of [`STEP`], with their triangles.
 fn sizes(kind: Spd, most: u64) -> Vec<(u32, u64)> {
     let mut sizes: Vec<(u32, u64)> = Vec::new();
     for size in 1.. {
@@ -82,7 +90,7 @@ impl Line {
         geometric_mean(&ratios)
     }
 
-    /// How far the ratios are from their mean, at most below and at most above, as parts of it.
+    /// The relative distances of the least and of the greatest ratio from the mean.
     fn spread(&self) -> (f64, f64) {
         let off = self
             .points
@@ -109,11 +117,12 @@ impl Growth {
             let points = line.points.iter().map(|(n, ratio)| (*n as f64, *ratio));
             (line.name(), points.collect())
         });
-        LinePlot {
+        XyPlot {
             x_axis: "triangles",
             y_axis: "build time / Embree medium",
             scale: Axis::Logarithmic,
             lines: lines.collect(),
+            points: Vec::new(),
         }
         .to_svg()
     }
@@ -137,23 +146,21 @@ impl Growth {
 
 impl fmt::Display for Growth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let head = [
+        let titles = [
             "build time / Embree medium",
             "by triangles",
             "spread",
             "goal",
             "met",
         ];
-        let mut table = terminal::empty_table(head.map(String::from).to_vec());
+        let mut table = text::empty_table(titles);
         for line in &self.0 {
             let points = line.points.iter();
-            let points: Vec<String> = points
-                .map(|(n, ratio)| format!("{n}: {ratio:.2}"))
-                .collect();
+            let points = points.map(|(n, ratio)| format!("{n}: {ratio:.2}"));
             let (low, high) = line.spread();
             table.add_row(vec![
                 line.name(),
-                points.join("  "),
+                points.collect::<Vec<_>>().join("  "),
                 format!("{:+.0} % {:+.0} %", low * 100.0, high * 100.0),
                 format!("± {:.0} %", ALLOWED * 100.0),
                 if line.is_within_goal() { "yes" } else { "NO" }.into(),
@@ -181,10 +188,10 @@ mod tests {
     }
 
     #[test]
-    fn ratios_far_from_their_mean_are_told() {
+    fn ratios_far_from_their_mean_miss_the_goal() {
         let line = |ratios: [f64; 3]| Line {
             kind: Spd::Tetra,
-            preset: "fast",
+            preset: "fast".into(),
             points: (1..).zip(ratios).collect(),
         };
         assert!(line([1.0, 1.1, 0.9]).is_within_goal(), "10 %");

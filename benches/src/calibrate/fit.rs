@@ -1,20 +1,20 @@
 //! Non-negative least squares, for a handful of unknowns.
 
-/// How many unknowns there are: a constant and the counted steps.
+/// The number of unknowns: a constant and the counted steps.
 pub(super) const TERMS: usize = 5;
 
-/// One equation: how often each term occurs, and what they cost together. Positive.
+/// One equation: the counts of all terms, and their total cost. Positive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Equation {
     pub(super) counts: [f64; TERMS],
     pub(super) total: f64,
 }
 
-/// The costs that explain the totals best.
+/// The costs of the best fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
     pub(super) costs: [f64; TERMS],
-    /// The share of the variance of the totals that is explained, of those equations that were kept.
+    /// The explained share of the variance of the totals, of the kept equations.
     pub(super) r_squared: f64,
     /// The median and the ninth decile of |predicted / total - 1| over all equations.
     pub(super) median_error: f64,
@@ -22,11 +22,11 @@ pub(super) struct Fit {
     pub(super) kept: usize,
 }
 
-/// Equations that are furthest off are left out of the second pass, one in so many: a measurement that was interrupted
-/// says nothing about costs.
+/// One of this number of equations, those of greatest error, is left out of the second pass: an interrupted measurement says
+/// nothing about costs.
 const OUTLIERS: usize = 20;
 
-/// Least squares of relative errors with no cost below zero, twice: the second time without the worst of the first.
+/// Least squares of relative errors without negative costs, in two passes: the second without the outliers of the first.
 ///
 /// `None` without equations.
 pub(super) fn fit(equations: &[Equation]) -> Option<Fit> {
@@ -62,8 +62,8 @@ fn r_squared(equations: &[Equation], costs: &[f64; TERMS]) -> f64 {
     1.0 - squares(&|e| predicted(e, costs) - e.total) / squares(&|e| e.total - mean)
 }
 
-/// The best of the solutions in which some costs are zero and the others come out positive: one for each subset of the
-/// terms, so few that all can be tried.
+/// The best solution in which some costs are zero and the others positive: one for each subset of the terms, all of which are
+/// tried.
 fn non_negative(equations: &[Equation]) -> Option<[f64; TERMS]> {
     if equations.is_empty() {
         return None;
@@ -101,7 +101,7 @@ fn least_squares(equations: &[Equation], subset: u32) -> Option<[f64; TERMS]> {
     solved(matrix, right)
 }
 
-/// Gaussian elimination; the matrix is symmetric and not negative, so the diagonal serves for pivots.
+/// Gaussian elimination; the matrix is symmetric and not negative, so the diagonal gives the pivots.
 fn solved(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> Option<[f64; TERMS]> {
     for pivot in 0..TERMS {
         let scale = matrix[pivot][pivot];

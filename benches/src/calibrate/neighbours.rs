@@ -1,4 +1,4 @@
-//! Trees built for models around the fitted one, against the tree built for that one.
+//! Trees of models around the fitted one, compared with the tree of the fitted one.
 
 use std::collections::BTreeMap;
 
@@ -6,10 +6,13 @@ use clap::ValueEnum as _;
 use kd::{CostModel, KdTree};
 use serde::Serialize;
 
-use super::{Workload, build, seconds, title, with};
+use super::{Workload, build, seconds, with};
+use crate::arguments::name_of;
 use crate::rays::RayKind;
+use crate::text;
+use crate::view::geometric_mean;
 
-/// The bonus that the fitted model is compared at: the fit says nothing about it.
+/// The bonus of the fitted model, which the fit does not determine.
 const EMPTY_BONUS: f32 = 0.8;
 /// Around the fitted K_I.
 const FACTORS: [f32; 6] = [0.25, 0.5, 1.0, 1.5, 2.0, 4.0];
@@ -26,7 +29,7 @@ pub(super) struct Comparison {
     pub(super) refs: f64,
 }
 
-/// Traces all groups in the tree of each model and, in turns, in that of the fitted one.
+/// Traces all groups in the tree of each model and in that of the fitted one, in turns.
 pub(super) fn compare(
     workloads: &[Workload],
     intersect: f64,
@@ -45,7 +48,7 @@ pub(super) fn compare(
             let tree = build(&workload.scene, *model)?;
             refs[index].push(tree.tree().refs().len() as f64 / baseline.tree().refs().len() as f64);
             for (kind, ratio) in workload.ratios(&tree, &baseline, samples) {
-                ratios[index].entry(title(kind)).or_default().push(ratio);
+                ratios[index].entry(name_of(&kind)).or_default().push(ratio);
             }
         }
     }
@@ -65,8 +68,8 @@ pub(super) fn compare(
 }
 
 impl Workload {
-    /// The time of each kind of rays over the baseline's. The two take turns, and of each group the fastest pass counts:
-    /// what interrupts a pass on a busy machine does not interrupt the same group every time.
+    /// The time of each kind of rays over the baseline's. The two take turns, and of each group the fastest pass counts: an
+    /// interruption of a pass on a busy machine does not repeat at the same group.
     fn ratios(&self, tree: &KdTree, baseline: &KdTree, samples: usize) -> Vec<(RayKind, f64)> {
         let with_rays = self.groups.iter().filter(|(_, groups)| !groups.is_empty());
         let ratio = |(kind, groups): &(RayKind, Vec<Vec<_>>)| {
@@ -85,47 +88,26 @@ impl Workload {
     }
 }
 
-fn geometric_mean(values: &[f64]) -> f64 {
-    let logarithms: f64 = values.iter().map(|value| value.ln()).sum();
-    (logarithms / values.len() as f64).exp()
-}
-
 /// A row for each model.
 pub(super) fn print(comparisons: &[Comparison]) {
     println!("time over that of the fitted model, geometric mean over scenes:");
-    print!("  {:>6} {:>5} {:>6}", "K_I", "bonus", "refs");
-    let kinds: Vec<String> = RayKind::value_variants()
-        .iter()
-        .copied()
-        .map(title)
-        .collect();
-    for kind in &kinds {
-        print!(" {kind:>8}");
-    }
-    println!(" {:>8}", "all");
+    let kinds: Vec<String> = RayKind::value_variants().iter().map(name_of).collect();
+    let head = ["K_I", "bonus", "refs"].into_iter().map(String::from);
+    let all = ["all".to_owned()];
+    let mut table = text::empty_table(head.chain(kinds.iter().cloned()).chain(all));
     for row in comparisons {
-        print!(
-            "  {:>6.3} {:>5.2} {:>6.2}",
-            row.intersect, row.empty_bonus, row.refs
-        );
-        for kind in &kinds {
-            let time = row.time.get(kind).copied().unwrap_or(f64::NAN);
-            print!(" {time:>8.3}");
-        }
+        let model = [
+            format!("{:.3}", row.intersect),
+            format!("{:.2}", row.empty_bonus),
+            format!("{:.2}", row.refs),
+        ];
+        let time = |kind: &String| row.time.get(kind).copied().unwrap_or(f64::NAN);
+        let times = kinds.iter().map(time);
         let all: Vec<f64> = row.time.values().copied().collect();
-        println!(" {:>8.3}", geometric_mean(&all));
+        let times = times.chain([geometric_mean(&all)]);
+        let times = times.map(|time| format!("{time:.3}"));
+        table.add_row(model.into_iter().chain(times));
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn means_are_geometric() {
-        assert!(
-            (geometric_mean(&[0.5, 2.0]) - 1.0).abs() < 1e-12,
-            "they cancel out"
-        );
-    }
+    text::align_right(&mut table, 0);
+    println!("{table}");
 }

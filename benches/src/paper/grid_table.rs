@@ -1,6 +1,6 @@
 //! Table 1 and Figures 1 and 2 of *When It Makes Sense to Use Uniform Grids for Ray Tracing* (Hapala, Karlík and Havran 2011):
-//! what a grid and a kd-tree take over many scenes, how well the unbuilt one is estimated, and how good decisions are that are
-//! made from it.
+//! times of a grid and of a kd-tree over many scenes, the quality of estimates of the kd-tree that is not built, and of decisions
+//! from these estimates.
 
 mod decisions;
 mod estimates;
@@ -15,13 +15,13 @@ use kd_select::{Calibration, RayScheme};
 
 use super::PaperArgs;
 use crate::environment::Environment;
-use crate::{run_folder, terminal};
+use crate::{run_folder, text};
 
 use decisions::Decisions;
 use estimates::Estimates;
 use measure::{Measured, Settings};
 
-/// How rays are made, as the paper's two halves of the table.
+/// The two kinds of rays, the halves of the paper's table.
 const SCHEMES: [RayScheme; 2] = [RayScheme::Random, RayScheme::Path];
 
 pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
@@ -29,10 +29,10 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     let settings = Settings::new(arguments);
     let (mut measured, mut problems) = (Vec::new(), Vec::new());
     for source in &sources {
-        eprintln!("{}", source.name());
+        eprintln!("{}", source.name);
         measured.extend(measure::measure(source, &settings, &mut problems)?);
     }
-    ensure!(!measured.is_empty(), "no scene has anything to hit");
+    ensure!(!measured.is_empty(), "no scene has triangles");
     println!("{}", table::of(&measured));
     println!("{}", table::averages(&measured));
     let estimates = SCHEMES.map(|scheme| Estimates::of(&measured, scheme, settings.combinations));
@@ -45,17 +45,11 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         println!("{}", decisions.worst(scheme));
     }
     println!(
-        "one thread, medians of {} runs in turn, rays asked one by one; every answer equal to the kd-tree's",
+        "one thread, medians of {} runs in turns, one ray at a time; every answer equals the kd-tree's",
         arguments.samples
     );
-    if let Some(path) = &arguments.json {
-        run_folder::write(path, table::to_lines(&measured)?)?;
-        println!("wrote {}", path.display());
-    }
-    if let Some(path) = &arguments.plot {
-        run_folder::write(path, estimates::to_svg(&estimates)?)?;
-        println!("wrote {}", path.display());
-    }
+    run_folder::write_all([arguments.json.clone()], table::to_lines(&measured)?)?;
+    run_folder::write_all([arguments.plot.clone()], estimates::to_svg(&estimates)?)?;
     if let Some(path) = &arguments.calibration {
         let scenes = measured.iter().map(|measured| measured.scene.clone());
         let date = run_folder::today();
@@ -63,10 +57,10 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         run_folder::write(path, calibration.to_json())?;
         println!("wrote {}", path.display());
     }
-    Ok(terminal::tell_problems(&problems))
+    Ok(text::report_problems(&problems))
 }
 
-/// What was measured with rays of one scheme.
+/// The measurements with rays of one scheme.
 fn of_scheme(measured: &[Measured], scheme: RayScheme) -> Vec<&Measured> {
     let of_scheme = measured
         .iter()
@@ -74,7 +68,7 @@ fn of_scheme(measured: &[Measured], scheme: RayScheme) -> Vec<&Measured> {
     of_scheme.collect()
 }
 
-/// A number of rays, or that there is none.
+/// A number of rays, or a dash.
 fn rays_text(rays: Option<f64>) -> String {
     rays.map_or_else(|| "–".into(), |rays| format!("{rays:.0}"))
 }

@@ -1,4 +1,4 @@
-//! What an update takes where what stands still grows, and what moves has nothing to do with it.
+//! The time of an update as the static scene grows, with the moving object apart from it.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -9,13 +9,14 @@ use serde_json::json;
 
 use super::PaperArgs;
 use crate::animation::Animation;
-use crate::record::median;
-use crate::run_folder;
-use crate::terminal;
+use crate::environment::Environment;
+use crate::measure::Pairs;
+use crate::session::Session;
+use crate::{run_folder, text};
 
 /// Sizes of generated rooms: 124 thousand triangles, 1 and 10 million.
 const SIZES: [u32; 3] = [6, 12, 26];
-/// About as many as move in BART kitchen.
+/// About the number of moving triangles in BART kitchen.
 const MOVING: f64 = 7000.0;
 const WAYS: [(&str, Strategy); 2] = [
     ("merge", Strategy::Merge(MergeMethod::Guided)),
@@ -28,17 +29,15 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     } else {
         SIZES.as_slice()
     };
-    let mut table = terminal::empty_table(
-        ["still", "moving", "merge ms", "auto ms"]
-            .map(String::from)
-            .into(),
-    );
+    let environment = Environment::detect();
+    let updates = 4 * arguments.samples + 1;
+    let mut table = text::empty_table(["static", "moving", "merge ms", "auto ms"]);
     let mut lines = String::new();
     for size in sizes {
         let animation = Animation::with_object(*size, |_| MOVING)?;
-        let (still, moving) = (animation.fixed.len(), animation.groups[0].len());
-        let mut updates = Vec::new();
-        for (_, strategy) in WAYS {
+        let (fixed, moving) = (animation.fixed.len(), animation.groups[0].len());
+        let mut session = Session::new(&environment, &animation.name, fixed + moving, updates);
+        for (name, strategy) in WAYS {
             let mut scene = Scene::new(BuildOptions::fast().with_threads(1));
             scene.set_strategy(strategy);
             scene.add_static(Arc::clone(&animation.fixed))?;
@@ -47,31 +46,29 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
                 let start = Instant::now();
                 animation.set(&mut scene, &parts, 0)?;
                 black_box(scene.commit()?);
-                Ok(1e3 * start.elapsed().as_secs_f64())
+                Ok(start.elapsed().as_secs_f64())
             };
-            // The first one builds what stands still.
+            // The first one builds the static tree.
             update()?;
-            let times = (0..4 * arguments.samples + 1).map(|_| update());
-            updates.push(median(&times.collect::<Result<Vec<_>, _>>()?));
+            let own: Result<Vec<f64>, _> = (0..updates).map(|_| update()).collect();
+            let pairs = Pairs {
+                own: own?,
+                baseline: Vec::new(),
+            };
+            session.add_build(&format!("scene/{name}/frame"), "", &pairs);
         }
-        let cells = [still.to_string(), moving.to_string()].into_iter();
-        table.add_row(cells.chain(updates.iter().map(|ms| format!("{ms:.3}"))));
+        let ms: Vec<f64> = session.cells.iter().map(|cell| cell.build_ms()).collect();
+        let counts = [fixed.to_string(), moving.to_string()].into_iter();
+        table.add_row(counts.chain(ms.iter().map(|ms| format!("{ms:.3}"))));
         let line = json!({
-            "table": "merge-table", "row": "growth", "still": still, "moving": moving,
-            "merge_ms": updates[0], "auto_ms": updates[1],
+            "table": "merge-table", "row": "growth", "still": fixed, "moving": moving,
+            "merge_ms": ms[0], "auto_ms": ms[1],
         });
         lines += &serde_json::to_string(&line)?;
         lines.push('\n');
     }
-    terminal::align_right(&mut table, 0);
-    println!("{table}");
-    println!(
-        "one thread, medians of {} updates",
-        4 * arguments.samples + 1
-    );
-    if let Some(path) = &arguments.json {
-        run_folder::write(path, lines)?;
-        println!("wrote {}", path.display());
-    }
+    text::align_right(&mut table, 0);
+    println!("{table}\none thread, medians of {updates} updates");
+    run_folder::write_all([arguments.json.clone()], lines)?;
     Ok(true)
 }

@@ -1,44 +1,33 @@
-//! Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames made by merging what moves into what stands still, and by
-//! building everything anew; what both take, and what rays take through both.
+//! Table 4.1 of *kd-tree merging* (Eleftheriades 2010): frames by merging moving parts into static ones and by rebuilding; the
+//! time of both, and of rays through both.
 
-mod table;
-
-use std::convert::Infallible;
 use std::hint::black_box;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::ensure;
 use kd::grid::{GridOptions, UniformGrid};
-use kd::select::Structure;
+use kd::select::Structure as Kind;
 use kd::{Accel, BuildOptions, KdTree, LazyTree, MergeMethod, Mesh, PartId, Scene, Strategy};
 use kd_trace::WideTree;
+use serde_json::{Map, Value, json};
 
 use super::PaperArgs;
-use super::mirrors::Mirrors;
-use super::traced::{Answers, Traced};
+use super::frame::{self, Frame};
+use super::mirrors::{Mirrors, OfFrame, Together, disagreement_ppm};
 use crate::animation::Animation;
-use crate::measure::{self, Repeats};
-use crate::peers;
-use crate::record::{median, median_ratio};
-use crate::run_folder;
-use crate::terminal;
+use crate::check::Answers;
+use crate::environment::Environment;
+use crate::measure::{Pairs, Repeats, seconds, timed_in_pairs};
+use crate::names::{BuilderName, LayoutName, Variant};
+use crate::peers::{self, FOLLOWING};
+use crate::plots::{Axis, XyPlot};
+use crate::session::Session;
+use crate::structure::{Queried, Shape, Structure};
+use crate::view::{self, View, minimum};
+use crate::{run_folder, text};
 
-/// Frame, and milliseconds for copying the static tree, the dynamic tree, merging, tracing; building anew, tracing that.
-pub(super) const SEED: [(usize, [f64; 6]); 10] = [
-    (2, [32.0, 80.0, 178.0, 7394.0, 1198.0, 7165.0]),
-    (4, [32.0, 78.0, 185.0, 6529.0, 1174.0, 6357.0]),
-    (6, [32.0, 110.0, 201.0, 8624.0, 1234.0, 8716.0]),
-    (8, [33.0, 110.0, 219.0, 7400.0, 1214.0, 7285.0]),
-    (10, [36.0, 104.0, 200.0, 10747.0, 1213.0, 10503.0]),
-    (12, [37.0, 114.0, 333.0, 10591.0, 1216.0, 10467.0]),
-    (14, [42.0, 109.0, 436.0, 7220.0, 1219.0, 6767.0]),
-    (16, [48.0, 111.0, 473.0, 11918.0, 1288.0, 12143.0]),
-    (18, [47.0, 108.0, 378.0, 13958.0, 1286.0, 13184.0]),
-    (20, [52.0, 112.0, 420.0, 8687.0, 1287.0, 8743.0]),
-];
-
-/// Ways to make a frame of what has moved.
+/// Ways to make a frame.
 const WAYS: [(&str, Strategy); 8] = [
     ("merge", Strategy::Merge(MergeMethod::Guided)),
     ("auto", Strategy::Auto),
@@ -52,111 +41,94 @@ const WAYS: [(&str, Strategy); 8] = [
     ("BSP merge", Strategy::Merge(MergeMethod::BspMerge)),
     ("insertion", Strategy::Merge(MergeMethod::Insertion)),
 ];
-const MERGE: usize = 0;
-const AUTO: usize = 1;
-/// The methods of the paper.
-const OF_PAPER: std::ops::Range<usize> = 5..8;
+const MERGE: &str = WAYS[0].0;
+const AUTO: &str = WAYS[1].0;
+/// Rebuilds of everything, on one thread.
+const REBUILDS: [BuilderName; 3] = [BuilderName::Best, BuilderName::Balanced, BuilderName::Fast];
 
-/// Ways to build everything anew.
-fn builders() -> [(&'static str, BuildOptions); 3] {
-    let builders = [
-        ("best", BuildOptions::best()),
-        ("balanced", BuildOptions::balanced()),
-        ("fast", BuildOptions::fast()),
-    ];
-    builders.map(|(name, options)| (name, options.with_threads(1)))
-}
-const BEST: usize = 0;
-const FAST: usize = 2;
-
-/// What was measured in a frame.
-#[derive(Debug)]
-struct FrameFigures {
-    label: String,
-    frame: usize,
-    /// The tree of what moves alone, in milliseconds: a part of an update by merging.
-    dynamic_ms: f64,
-    rebuild_ms: [f64; 3],
-    rebuild_trace_ms: f64,
-    /// The tree of everything, asked in batches.
-    rebuild_batch_ms: f64,
-    ways: Vec<WayFigures>,
-    /// A copy of the kd-tree of what stands still, in milliseconds, with which every frame of the paper's methods begins, and
-    /// none of ours.
-    still_copy_ms: f64,
-    embree: Vec<EmbreeFigures>,
-    /// Building a tree where rays go and tracing them, over building all of it by `best` and tracing.
-    lazy: f64,
-    grid: GridFigures,
+fn options(builder: BuilderName) -> BuildOptions {
+    let options = builder.options().expect("a preset");
+    options.with_threads(1)
 }
 
-/// Of a uniform grid over everything, built anew.
-#[derive(Clone, Copy, Debug)]
-struct GridFigures {
-    build_ms: f64,
-    /// Over an update of our own choice.
-    updates: f64,
-    /// Rays, over the tree of everything, by `best`.
-    trace: f64,
+/// Subjects of cells.
+fn way(name: &str) -> String {
+    format!("scene/{name}/frame")
 }
 
-#[derive(Clone, Copy, Debug)]
-struct WayFigures {
-    update_ms: f64,
-    /// Times that an update goes into building everything anew.
-    rebuilds: [f64; 3],
-    trace_ms: f64,
-    /// Over the tree of everything, by `best`.
-    trace: f64,
-    batch_ms: f64,
+fn rebuilt(builder: BuilderName) -> String {
+    Variant::kd(builder, LayoutName::Wide).to_string()
 }
 
-/// Of one way in which Embree follows.
-#[derive(Clone, Copy, Debug)]
-struct EmbreeFigures {
-    update_ms: f64,
-    /// Our updates, by merging and by our own choice, over its.
-    our_updates: [f64; 2],
-    trace_ms: f64,
-    packets_ms: f64,
+fn best() -> String {
+    rebuilt(BuilderName::Best)
 }
+
+fn embree(following: &str) -> String {
+    format!("embree/{following}/moving")
+}
+
+const GRID: &str = "grid/exact/own";
+const LAZY: &str = "kd/best/lazy";
+const COPY: &str = "kd/best/copy";
+/// The trees of the moving parts: a share of an update by merging.
+const OBJECTS: &str = "bvh/objects/wide";
+const RAYS: &str = "mirrors";
+const BATCHES: &str = "mirrors-batch";
 
 pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     if arguments.peers {
         peers::check_available()?;
     }
-    let mut lines = String::new();
-    let mut problems = Vec::new();
-    let mut measured = Vec::new();
+    let environment = Environment::detect();
+    let (mut lines, mut problems, mut measured) = (String::new(), Vec::new(), Vec::new());
     for animation in animations(arguments)? {
         let moving: usize = animation.groups.iter().map(|mesh| mesh.len()).sum();
         println!(
-            "{}: {} triangles that stand still, {moving} in {} parts that move",
+            "{}: {} static triangles, {moving} in {} moving parts",
             animation.name,
             animation.fixed.len(),
             animation.groups.len()
         );
-        let figures = measure_all(&animation, arguments, &mut problems)?;
-        let is_of_seed = animation.name == "bart_kitchen";
-        println!("{}", table::times(&figures, is_of_seed));
-        println!("{}", table::ratios(&figures));
-        lines += &table::to_lines(&animation, &figures, is_of_seed)?;
-        measured.push((animation.name, figures));
+        let mut frames = Vec::new();
+        for (number, (label, frame)) in (1..).zip(&animation.rows) {
+            if !arguments.rows.is_empty() && !arguments.rows.contains(&number) {
+                continue;
+            }
+            eprintln!("{}, {label}", animation.name);
+            let mut bench = Bench::new(&animation, *frame, arguments)?;
+            let triangles = bench.whole.len();
+            let mut session = Session::new(&environment, label, triangles, arguments.samples);
+            bench.measure(&mut session, arguments.peers)?;
+            let frame = Frame {
+                scene: animation.name.clone(),
+                label: label.clone(),
+                number: *frame,
+                cells: session.cells.clone(),
+            };
+            lines += &frame.to_lines()?;
+            frames.push(frame);
+            problems.extend(session.problems);
+        }
+        ensure!(!frames.is_empty(), "no such row");
+        println!("{}", times(&frames)?);
+        let all = frame::cells(&frames);
+        let views: &[&str] = if arguments.peers {
+            &["merge-table", "merge-table-peers"]
+        } else {
+            &["merge-table"]
+        };
+        println!("{}", View::named(views, ("", ""))?.of(&all));
+        measured.push((animation.name, frames));
     }
-    if let Some(path) = &arguments.plot {
-        run_folder::write(path, table::plot(&measured)?)?;
-        println!("wrote {}", path.display());
-    }
+    run_folder::write_all([arguments.plot.clone()], plot(&measured)?)?;
     println!(
-        "one thread, medians of {} pairs; an update is from the first transform to the first ray; a trace is 800x600 rays of a \
-         picture and two reflections, each with a ray to the light, one by one unless it says batches",
+        "one thread, medians of {} pairs; an update lasts from the first transform to the first ray; a trace is 800x600 rays of a \
+         picture and two reflections, each with a ray to the light, one ray at a time unless it says batches",
         arguments.samples
     );
-    if let Some(path) = &arguments.json {
-        run_folder::write(path, lines)?;
-        println!("wrote {}", path.display());
-    }
-    Ok(terminal::tell_problems(&problems))
+    run_folder::write_all([arguments.json.clone()], lines)?;
+    Ok(text::report_problems(&problems))
 }
 
 fn animations(arguments: &PaperArgs) -> anyhow::Result<Vec<Animation>> {
@@ -165,11 +137,8 @@ fn animations(arguments: &PaperArgs) -> anyhow::Result<Vec<Animation>> {
     }
     let Some(folder) = &arguments.scenes else {
         eprintln!("without --scenes or KD_SCENES: generated rooms in place of BART kitchen");
-        let shares = [0.001, 0.01, 0.1];
-        return shares
-            .map(|share| Animation::generated(6, share))
-            .into_iter()
-            .collect();
+        let shares = [0.001, 0.01, 0.1].into_iter();
+        return shares.map(|share| Animation::generated(6, share)).collect();
     };
     let kitchen = ["bart_kitchen".to_owned()];
     let names = if arguments.scene.is_empty() {
@@ -177,46 +146,25 @@ fn animations(arguments: &PaperArgs) -> anyhow::Result<Vec<Animation>> {
     } else {
         arguments.scene.as_slice()
     };
-    names
-        .iter()
-        .map(|name| Animation::load(&folder.join(name)))
-        .collect()
-}
-
-fn measure_all(
-    animation: &Animation,
-    arguments: &PaperArgs,
-    problems: &mut Vec<String>,
-) -> anyhow::Result<Vec<FrameFigures>> {
-    let mut figures = Vec::new();
-    for (number, (label, frame)) in (1..).zip(&animation.rows) {
-        if !arguments.rows.is_empty() && !arguments.rows.contains(&number) {
-            continue;
-        }
-        eprintln!("{}, {label}", animation.name);
-        let mut bench = Bench::new(animation, *frame, arguments)?;
-        figures.push(bench.measure(label, problems)?);
-    }
-    ensure!(!figures.is_empty(), "there is no such row");
-    Ok(figures)
+    let load = |name: &String| Animation::load(&folder.join(name));
+    names.iter().map(load).collect()
 }
 
 /// A frame to measure.
 struct Bench<'a> {
     animation: &'a Animation,
     frame: usize,
-    repeats: Repeats,
-    with_embree: bool,
     whole: Arc<Mesh>,
     best: KdTree,
     rays: Mirrors,
+    expected: Vec<Answers>,
     scenes: Vec<(Scene, Vec<PartId>)>,
 }
 
 impl<'a> Bench<'a> {
     fn new(animation: &'a Animation, frame: usize, arguments: &PaperArgs) -> anyhow::Result<Self> {
         let whole = Arc::new(animation.whole(frame)?);
-        let best = KdTree::build(Arc::clone(&whole), &builders()[BEST].1)?;
+        let best = KdTree::build(Arc::clone(&whole), &options(BuilderName::Best))?;
         let limit = if arguments.smoke {
             2000
         } else {
@@ -225,9 +173,9 @@ impl<'a> Bench<'a> {
         let rays = Mirrors::new(&best, animation.camera(frame), animation.light, limit);
         let mut scenes = Vec::new();
         for (_, strategy) in WAYS {
-            let mut scene = Scene::new(builders()[BEST].1.clone());
+            let mut scene = Scene::new(options(BuilderName::Best));
             scene.set_strategy(strategy);
-            scene.set_ray_budget(rays.of_whole_picture());
+            scene.set_ray_budget(rays.of_whole_picture() as u64);
             scene.add_static(Arc::clone(&animation.fixed))?;
             let groups = animation.groups.iter();
             let parts = groups.map(|mesh| scene.add_dynamic(Arc::clone(mesh)));
@@ -236,15 +184,10 @@ impl<'a> Bench<'a> {
             scene.commit()?;
             scenes.push((scene, parts));
         }
-        let repeats = Repeats {
-            pairs: arguments.samples,
-            until: Duration::MAX,
-        };
         Ok(Self {
             animation,
             frame,
-            repeats,
-            with_embree: arguments.peers,
+            expected: rays.answers(&best),
             whole,
             best,
             rays,
@@ -252,84 +195,90 @@ impl<'a> Bench<'a> {
         })
     }
 
-    fn measure(&mut self, label: &str, problems: &mut Vec<String>) -> anyhow::Result<FrameFigures> {
-        let scale = 1e3 * self.rays.scale;
-        let expected = Traced::Tree(&self.best).answers(&self.rays);
-        let mut rebuild_ms = [0.0; 3];
-        let (mut rebuild_trace_ms, mut rebuild_batch_ms) = (vec![], vec![]);
-        let mut ways = Vec::new();
-        for (way, (name, _)) in WAYS.into_iter().enumerate() {
-            let mut update_ms = f64::NAN;
-            let mut rebuilds = [f64::NAN; 3];
-            for (place, (_, options)) in builders().iter().enumerate() {
-                // What stands beside merging is told for all builders, other ways for the best one.
-                if way != MERGE && place != BEST {
-                    continue;
-                }
-                let whole = Arc::clone(&self.whole);
-                let pairs = measure::timed_in_pairs(
-                    self.repeats,
-                    || build_seconds(&whole, options),
-                    || self.update(way),
-                )?;
-                rebuilds[place] = median_ratio(&pairs.baseline, &pairs.own);
-                if way == MERGE {
-                    rebuild_ms[place] = 1e3 * median(&pairs.baseline);
-                }
-                update_ms = 1e3 * median(&pairs.own);
-            }
-            let frame = self.scenes[way].0.snapshot();
-            let traced = Traced::Frame(&frame);
-            if traced.answers(&self.rays) != expected {
-                problems.push(format!("{label}, {name}: other hits than by building anew"));
-            }
-            let pairs = self.trace_pairs(&traced, false);
-            rebuild_trace_ms.push(scale * median(&pairs.baseline));
-            let batched = self.trace_pairs(&traced, true);
-            rebuild_batch_ms.push(scale * median(&batched.baseline));
-            ways.push(WayFigures {
-                update_ms,
-                rebuilds,
-                trace_ms: scale * median(&pairs.own),
-                trace: median_ratio(&pairs.own, &pairs.baseline),
-                batch_ms: scale * median(&batched.own),
-            });
-        }
-        Ok(FrameFigures {
-            label: label.to_owned(),
-            frame: self.frame,
-            dynamic_ms: self.dynamic_part()? * ways[MERGE].update_ms,
-            lazy: self.lazy()?,
-            grid: self.grid(&expected, label, problems)?,
-            rebuild_ms,
-            rebuild_trace_ms: median(&rebuild_trace_ms),
-            rebuild_batch_ms: median(&rebuild_batch_ms),
-            ways,
-            still_copy_ms: self.still_copy_ms()?,
-            embree: if self.with_embree {
-                self.embree(&expected, label, problems)?
+    fn measure(&mut self, session: &mut Session<'_>, with_embree: bool) -> anyhow::Result<()> {
+        for (number, (name, _)) in WAYS.into_iter().enumerate() {
+            // Only merging is compared with all builders, the other ways with the best one.
+            let rebuilds = if name == MERGE {
+                &REBUILDS[..]
             } else {
-                vec![]
-            },
-        })
+                &REBUILDS[..1]
+            };
+            for builder in rebuilds {
+                let whole = Arc::clone(&self.whole);
+                let pairs = timed_in_pairs(
+                    session.repeats,
+                    || build_seconds(&whole, *builder),
+                    || self.update(number),
+                )?;
+                session.add_build(&way(name), &rebuilt(*builder), &pairs);
+            }
+            let frame = self.scenes[number].0.snapshot();
+            let traced = OfFrame::new(&frame);
+            self.check(session, name, &traced);
+            self.trace(
+                session,
+                &way(name),
+                &traced,
+                [Together::None, Together::All],
+            );
+        }
+        self.objects(session)?;
+        self.lazy(session)?;
+        self.grid(session)?;
+        self.copy(session)?;
+        if with_embree {
+            self.embree(session)?;
+        }
+        Ok(())
     }
 
-    /// Traces the tree of everything and something else in turn.
-    fn trace_pairs(&self, traced: &Traced<'_>, in_batches: bool) -> measure::Pairs {
-        let best = Traced::Tree(&self.best);
-        let Ok(pairs) = measure::timed_in_pairs(
-            self.repeats,
-            || Ok::<_, Infallible>(best.seconds(&self.rays, in_batches)),
-            || Ok(traced.seconds(&self.rays, in_batches)),
+    fn check(&self, session: &mut Session<'_>, name: &str, structure: &dyn Structure) {
+        let found = self.rays.answers(structure);
+        if disagreement_ppm(&self.expected, &found, false) > 0.0 {
+            let problem = format!("{}, {name}: hits differ from a rebuild's", session.scene);
+            session.problems.push(problem);
+        }
+    }
+
+    /// Cells of rays one at a time and together, each pass after one through the tree of everything.
+    fn trace(
+        &self,
+        session: &mut Session<'_>,
+        subject: &str,
+        structure: &dyn Structure,
+        together: [Together; 2],
+    ) {
+        for (rays, together) in [RAYS, BATCHES].into_iter().zip(together) {
+            let of_best = match together {
+                Together::None => Together::None,
+                _ => Together::All,
+            };
+            let pairs = self.trace_pairs(session.repeats, structure, [of_best, together]);
+            let count = self.rays.len();
+            let cell = session.add_rays(subject, rays, &best(), &pairs, count);
+            cell.exact.rays = self.rays.of_whole_picture();
+        }
+    }
+
+    fn trace_pairs(
+        &self,
+        repeats: Repeats,
+        structure: &dyn Structure,
+        [of_best, together]: [Together; 2],
+    ) -> Pairs {
+        let Ok(pairs) = timed_in_pairs(
+            repeats,
+            || Ok::<_, std::convert::Infallible>(self.rays.seconds(&self.best, of_best)),
+            || Ok(self.rays.seconds(structure, together)),
         );
         pairs
     }
 
-    /// From the frame before to this one, in seconds.
-    fn update(&mut self, way: usize) -> anyhow::Result<f64> {
-        let (scene, parts) = &mut self.scenes[way];
-        self.animation
-            .set(scene, parts, self.animation.before(self.frame))?;
+    /// Seconds of the update from the frame before to this one.
+    fn update(&mut self, number: usize) -> anyhow::Result<f64> {
+        let (scene, parts) = &mut self.scenes[number];
+        let before = self.animation.before(self.frame);
+        self.animation.set(scene, parts, before)?;
         scene.commit()?;
         let start = Instant::now();
         self.animation.set(scene, parts, self.frame)?;
@@ -337,165 +286,336 @@ impl<'a> Bench<'a> {
         Ok(start.elapsed().as_secs_f64())
     }
 
-    /// A tree that is built where rays go, from nothing to the last ray, over the best one. (As many rays as are traced here,
-    /// not all of a picture.)
-    fn lazy(&self) -> anyhow::Result<f64> {
-        let options = &builders()[BEST].1;
-        let pairs = measure::timed_in_pairs(
-            self.repeats,
-            || -> anyhow::Result<f64> {
-                let build = build_seconds(&self.whole, options)?;
-                Ok(build + Traced::Tree(&self.best).seconds(&self.rays, false))
+    /// The share of an update by merging that builds the moving parts.
+    fn objects(&mut self, session: &mut Session<'_>) -> anyhow::Result<()> {
+        let moved = self.animation.moved(self.frame)?;
+        let build = || {
+            seconds(|| {
+                for mesh in &moved {
+                    black_box(WideTree::from_objects(mesh));
+                }
+                anyhow::Ok(())
+            })
+        };
+        let repeats = Repeats::all(4 * session.repeats.pairs + 1);
+        let pairs = timed_in_pairs(repeats, || self.update(0), build)?;
+        session.add_build(OBJECTS, &way(MERGE), &pairs);
+        Ok(())
+    }
+
+    /// A lazy tree, from nothing to the last ray, over build and rays of the best one. (Of the rays that are traced here, not of
+    /// the whole picture.)
+    fn lazy(&self, session: &mut Session<'_>) -> anyhow::Result<()> {
+        let pairs = timed_in_pairs(
+            session.repeats,
+            || {
+                let build = build_seconds(&self.whole, BuilderName::Best)?;
+                anyhow::Ok(build + self.rays.seconds(&self.best, Together::None))
             },
             || {
                 let start = Instant::now();
-                let tree = LazyTree::new(Arc::clone(&self.whole), options)?;
+                let options = options(BuilderName::Best);
+                let tree = LazyTree::new(Arc::clone(&self.whole), &options)?;
                 let build = start.elapsed().as_secs_f64();
-                Ok(build + Traced::Lazy(&tree).seconds(&self.rays, false))
+                let tree = Queried::new(&tree, |_| Shape::default());
+                Ok(build + self.rays.seconds(&tree, Together::None))
             },
         )?;
-        Ok(median_ratio(&pairs.own, &pairs.baseline))
+        session.add_build(LAZY, &best(), &pairs);
+        Ok(())
     }
 
-    /// A grid over everything, which is there sooner than any tree.
-    fn grid(
-        &mut self,
-        expected: &[Answers],
-        label: &str,
-        problems: &mut Vec<String>,
-    ) -> anyhow::Result<GridFigures> {
+    /// A grid over everything: the fastest rebuild.
+    fn grid(&mut self, session: &mut Session<'_>) -> anyhow::Result<()> {
         let whole = Arc::clone(&self.whole);
         let options = GridOptions::new().with_threads(1);
-        let build = || {
-            let start = Instant::now();
-            let grid = UniformGrid::build(Arc::clone(&whole), &options)?;
-            let seconds = start.elapsed().as_secs_f64();
-            drop(grid);
-            Ok(seconds)
-        };
-        let builds = measure::timed_in_pairs(self.repeats, || self.update(AUTO), build)?;
-        let accel = Accel::with(Arc::clone(&whole), Structure::Grid)?;
-        let traced = Traced::Accel(&accel);
-        if traced.answers(&self.rays) != expected {
-            problems.push(format!("{label}, grid: other hits than by building anew"));
-        }
-        let traces = self.trace_pairs(&traced, false);
-        Ok(GridFigures {
-            build_ms: 1e3 * median(&builds.own),
-            updates: median_ratio(&builds.own, &builds.baseline),
-            trace: median_ratio(&traces.own, &traces.baseline),
-        })
+        let build = || seconds(|| Ok(UniformGrid::build(Arc::clone(&whole), &options)?));
+        let pairs = timed_in_pairs(session.repeats, || self.update(1), build)?;
+        session.add_build(GRID, &way(AUTO), &pairs);
+        let accel = Accel::with(Arc::clone(&whole), Kind::Grid)?;
+        let traced = Queried::new(&accel, |_| Shape::default());
+        self.check(session, "grid", &traced);
+        let together = [Together::None; 2];
+        let pairs = self.trace_pairs(session.repeats, &traced, together);
+        session.add_rays(GRID, RAYS, &best(), &pairs, self.rays.len());
+        Ok(())
     }
 
-    fn still_copy_ms(&self) -> anyhow::Result<f64> {
-        let tree = kd::custom::build(&*self.animation.fixed, &builders()[BEST].1)?;
-        let seconds = (0..self.repeats.pairs).map(|_| {
-            let start = Instant::now();
-            black_box(tree.clone());
-            start.elapsed().as_secs_f64()
-        });
-        Ok(1e3 * median(&seconds.collect::<Vec<_>>()))
+    /// A copy of the kd-tree of the static parts, with which every frame of the paper's methods begins, and none of ours.
+    fn copy(&self, session: &mut Session<'_>) -> anyhow::Result<()> {
+        let tree = kd::custom::build(&*self.animation.fixed, &options(BuilderName::Best))?;
+        let copies = (0..session.repeats.pairs).map(|_| seconds(|| anyhow::Ok(tree.clone())));
+        let pairs = Pairs {
+            own: copies.collect::<Result<_, _>>()?,
+            baseline: Vec::new(),
+        };
+        session.add_build(COPY, "", &pairs);
+        Ok(())
     }
 
-    /// Which part of an update by merging it is to build what moves.
-    fn dynamic_part(&mut self) -> anyhow::Result<f64> {
-        let moved = self.animation.moved(self.frame)?;
-        let build = || {
-            let start = Instant::now();
-            for mesh in &moved {
-                black_box(WideTree::from_objects(mesh));
-            }
-            Ok(start.elapsed().as_secs_f64())
-        };
-        let repeats = Repeats {
-            pairs: 4 * self.repeats.pairs + 1,
-            ..self.repeats
-        };
-        let pairs = measure::timed_in_pairs(repeats, || self.update(MERGE), build)?;
-        Ok(median_ratio(&pairs.own, &pairs.baseline))
-    }
-
-    #[cfg(feature = "peers")]
-    fn embree(
-        &mut self,
-        expected: &[Answers],
-        label: &str,
-        problems: &mut Vec<String>,
-    ) -> anyhow::Result<Vec<EmbreeFigures>> {
-        use super::traced::disagreement_ppm;
-        use crate::peers::EmbreeMoving;
-
-        let scale = 1e3 * self.rays.scale;
+    fn embree(&mut self, session: &mut Session<'_>) -> anyhow::Result<()> {
         let before = self.animation.moved(self.animation.before(self.frame))?;
         let now = self.animation.moved(self.frame)?;
         let [before, now] = [before, now].map(|meshes| Mesh::concatenated(&meshes));
         let (before, now) = (before?, now?);
-        let mut all = Vec::new();
-        for (name, following) in EMBREE_NAMES.into_iter().zip(EMBREE) {
-            let mut embree = EmbreeMoving::new(&self.animation.fixed, &before, following, 1)?;
+        for following in FOLLOWING {
+            let mut rival = peers::following(following, [&*self.animation.fixed, &before])?;
             let mut update = || -> anyhow::Result<f64> {
-                embree.update(before.positions())?;
-                let start = Instant::now();
-                embree.update(now.positions())?;
-                Ok(start.elapsed().as_secs_f64())
+                rival.update(before.positions())?;
+                seconds(|| rival.update(now.positions()))
             };
-            let mut update_ms = 0.0;
-            let mut our_updates = [0.0; 2];
-            for (place, way) in [MERGE, AUTO].into_iter().enumerate() {
-                let pairs =
-                    measure::timed_in_pairs(self.repeats, &mut update, || self.update(way))?;
-                update_ms = 1e3 * median(&pairs.baseline);
-                our_updates[place] = median_ratio(&pairs.own, &pairs.baseline);
+            for number in [0, 1] {
+                let repeats = session.repeats;
+                let pairs = timed_in_pairs(repeats, &mut update, || self.update(number))?;
+                session.add_build(&way(WAYS[number].0), &embree(following), &pairs);
             }
-            let traced = Traced::Embree(&embree);
-            let found = traced.answers(&self.rays);
-            let ppm = disagreement_ppm(expected, &found);
+            let found = self.rays.answers(rival.structure());
+            let ppm = disagreement_ppm(&self.expected, &found, true);
             if ppm > 1000.0 {
-                problems.push(format!(
-                    "{label}, Embree {name}: {ppm:.0} ppm of rays disagree"
-                ));
+                let scene = &session.scene;
+                let problem = format!("{scene}, Embree {following}: {ppm:.0} ppm of rays disagree");
+                session.problems.push(problem);
             }
-            let [trace_ms, packets_ms] = [false, true].map(|in_packets| {
-                let pairs = self.trace_pairs(&traced, in_packets);
-                scale * median(&pairs.own)
-            });
-            all.push(EmbreeFigures {
-                update_ms,
-                our_updates,
-                trace_ms,
-                packets_ms,
-            });
+            let together = [Together::None, Together::Coherent];
+            self.trace(session, &embree(following), rival.structure(), together);
         }
-        Ok(all)
+        self.totals(session)
     }
 
-    #[cfg(not(feature = "peers"))]
-    fn embree(
-        &mut self,
-        _: &[Answers],
-        _: &str,
-        _: &mut Vec<String>,
-    ) -> anyhow::Result<Vec<EmbreeFigures>> {
-        anyhow::bail!("no rival libraries are built in")
+    /// Cells of updates and rays together, over those of the best of Embree's ways.
+    fn totals(&self, session: &mut Session<'_>) -> anyhow::Result<()> {
+        for (over, rays) in [
+            ("embree/best/single", RAYS),
+            ("embree/best/packets", BATCHES),
+        ] {
+            let total =
+                |expression: &str| view::value(&session.cells, &expression.replace("RAYS", rays));
+            let theirs = FOLLOWING.map(|way| total(&ITS_TOTAL.replace("WAY", way)));
+            let theirs: anyhow::Result<Vec<f64>> = theirs.into_iter().collect();
+            let pairs = Pairs {
+                own: vec![1e-3 * total(OUR_TOTAL)?],
+                baseline: vec![1e-3 * minimum(&theirs?)],
+            };
+            session.add_build("scene/auto/total", over, &pairs);
+        }
+        Ok(())
     }
 }
 
-/// Ways in which Embree follows what moves.
-#[cfg(feature = "peers")]
-const EMBREE: [peers::Following; 3] = [
-    peers::Following::Rebuild,
-    peers::Following::Medium,
-    peers::Following::Refit,
-];
-const EMBREE_NAMES: [&str; 3] = ["rebuild", "medium", "refit"];
-const EMBREE_MEDIUM: usize = 1;
-const EMBREE_REFIT: usize = 2;
+/// Milliseconds of an update and of the rays of the picture, by our own choice and by the best of Embree's ways.
+const OUR_TOTAL: &str =
+    "ms: scene/auto/frame;; kd/best/wide + picture ms: scene/auto/frame; RAYS; kd/best/wide";
+const ITS_TOTAL: &str = "over ms: scene/auto/frame;; embree/WAY/moving + picture ms: embree/WAY/moving; RAYS; kd/best/wide";
 
-fn build_seconds(mesh: &Arc<Mesh>, options: &BuildOptions) -> anyhow::Result<f64> {
-    let mesh = Arc::clone(mesh);
-    let start = Instant::now();
-    let tree = KdTree::build(mesh, options)?;
-    let seconds = start.elapsed().as_secs_f64();
-    drop(tree);
-    Ok(seconds)
+fn build_seconds(mesh: &Arc<Mesh>, builder: BuilderName) -> anyhow::Result<f64> {
+    seconds(|| Ok(KdTree::build(Arc::clone(mesh), &options(builder))?))
+}
+
+/// Figures of a frame by merging.
+const DYNAMIC: &str = "build time: bvh/objects/wide;; scene/merge/frame";
+const REBUILD: &str = "over ms: scene/merge/frame;; kd/BUILDER/wide";
+const BEST_TRACE: &str = "over picture ms: scene/*/frame; mirrors; kd/best/wide";
+
+/// Fields of the record of each way `WAY`, beside those that [`Frame::line`] adds.
+const FIELDS: [(&str, &str); 20] = [
+    ("still_copy_ms", "ms: kd/best/copy"),
+    (
+        "trace_ms",
+        "picture ms: scene/WAY/frame; mirrors; kd/best/wide",
+    ),
+    (
+        "trace_batch_ms",
+        "picture ms: scene/WAY/frame; mirrors-batch; kd/best/wide",
+    ),
+    (
+        "trace_over_best",
+        "time: scene/WAY/frame; mirrors; kd/best/wide",
+    ),
+    (
+        "rebuild_best_ms",
+        "over ms: scene/merge/frame;; kd/best/wide",
+    ),
+    (
+        "rebuild_balanced_ms",
+        "over ms: scene/merge/frame;; kd/balanced/wide",
+    ),
+    (
+        "rebuild_fast_ms",
+        "over ms: scene/merge/frame;; kd/fast/wide",
+    ),
+    ("rebuild_trace_ms", BEST_TRACE),
+    ("grid_build_ms", "ms: grid/exact/own;; scene/auto/frame"),
+    (
+        "grid_build_over_auto_update",
+        "build time: grid/exact/own;; scene/auto/frame",
+    ),
+    (
+        "grid_trace_over_best",
+        "time: grid/exact/own; mirrors; kd/best/wide",
+    ),
+    (
+        "embree_rebuild_update_ms",
+        "over ms: scene/auto/frame;; embree/rebuild/moving",
+    ),
+    (
+        "embree_rebuild_trace_ms",
+        "picture ms: embree/rebuild/moving; mirrors; kd/best/wide",
+    ),
+    (
+        "embree_rebuild_packets_ms",
+        "picture ms: embree/rebuild/moving; mirrors-batch; kd/best/wide",
+    ),
+    (
+        "embree_medium_update_ms",
+        "over ms: scene/auto/frame;; embree/medium/moving",
+    ),
+    (
+        "embree_medium_trace_ms",
+        "picture ms: embree/medium/moving; mirrors; kd/best/wide",
+    ),
+    (
+        "embree_medium_packets_ms",
+        "picture ms: embree/medium/moving; mirrors-batch; kd/best/wide",
+    ),
+    (
+        "embree_refit_update_ms",
+        "over ms: scene/auto/frame;; embree/refit/moving",
+    ),
+    (
+        "embree_refit_trace_ms",
+        "picture ms: embree/refit/moving; mirrors; kd/best/wide",
+    ),
+    (
+        "embree_refit_packets_ms",
+        "picture ms: embree/refit/moving; mirrors-batch; kd/best/wide",
+    ),
+];
+
+impl Frame {
+    fn update_ms(&self, way: &str) -> anyhow::Result<f64> {
+        self.value(&format!("ms: scene/{way}/frame;; kd/best/wide"))
+    }
+
+    /// One JSON object for each way.
+    fn to_lines(&self) -> anyhow::Result<String> {
+        let seed = self.seed().map_or(Value::Null, |(frame, ms)| {
+            json!({
+                "frame": frame, "copy_ms": ms[0], "dynamic_ms": ms[1], "merge_ms": ms[2], "trace_ms": ms[3],
+                "rebuild_ms": ms[4], "rebuild_trace_ms": ms[5],
+            })
+        });
+        let line = |(way, _): &(&str, Strategy)| -> anyhow::Result<String> {
+            let ours = self.fields(way)?;
+            let line = json!({
+                "table": "merge-table", "row": self.label, "seed": seed, "ours": ours,
+            });
+            Ok(serde_json::to_string(&line)? + "\n")
+        };
+        WAYS.iter().map(line).collect()
+    }
+
+    fn fields(&self, way: &str) -> anyhow::Result<Map<String, Value>> {
+        let builds = matches!(way, "merge" | "dual");
+        let dynamic_ms = if builds {
+            self.value(DYNAMIC)? * self.update_ms(MERGE)?
+        } else {
+            0.0
+        };
+        let own = json!({
+            "scene": self.scene, "frame": self.number, "strategy": way, "copy_ms": 0.0,
+            "dynamic_ms": dynamic_ms, "merge_ms": self.update_ms(way)? - dynamic_ms,
+        });
+        let Value::Object(mut fields) = own else {
+            unreachable!("an object");
+        };
+        let its = if builds {
+            "embree_medium"
+        } else {
+            "embree_refit"
+        };
+        for (field, expression) in FIELDS {
+            let Ok(value) = self.value(&expression.replace("WAY", way)) else {
+                // Embree was not measured.
+                continue;
+            };
+            if let Some(what) = field
+                .strip_prefix(its)
+                .filter(|what| *what != "_packets_ms")
+            {
+                fields.insert(format!("embree{what}"), value.into());
+            }
+            fields.insert(field.to_owned(), value.into());
+        }
+        Ok(fields)
+    }
+
+    fn times(&self) -> anyhow::Result<Vec<String>> {
+        let update = self.update_ms(MERGE)?;
+        let dynamic = self.value(DYNAMIC)? * update;
+        let mut cells = vec![self.label.clone(), self.number.to_string(), "0".into()];
+        cells.extend([dynamic, update - dynamic].map(|ms| format!("{ms:.2}")));
+        let rebuild = |builder: &str| self.value(&REBUILD.replace("BUILDER", builder));
+        let trace = self.value("picture ms: scene/merge/frame; mirrors; kd/best/wide")?;
+        let best_trace = self.value(BEST_TRACE)?;
+        let others = [
+            trace,
+            rebuild("best")?,
+            best_trace,
+            rebuild("balanced")?,
+            rebuild("fast")?,
+        ];
+        cells.extend(others.map(|ms| format!("{ms:.0}")));
+        if let Some((_, seed)) = self.seed() {
+            cells.extend(seed.map(|ms| format!("{ms:.0}")));
+        }
+        Ok(cells)
+    }
+}
+
+/// Milliseconds, beside those of the paper.
+fn times(frames: &[Frame]) -> anyhow::Result<String> {
+    let ours = "row frame copy dynamic merge trace best trace balanced fast";
+    let mut head: Vec<String> = ours.split(' ').map(String::from).collect();
+    if frames.iter().any(|frame| frame.seed().is_some()) {
+        let seed = "copy dynamic merge trace rebuild trace".split(' ');
+        head.extend(seed.map(|name| format!("paper {name}")));
+    }
+    let mut table = text::empty_table(head);
+    for frame in frames {
+        table.add_row(frame.times()?);
+    }
+    text::align_right(&mut table, 1);
+    Ok(format!("milliseconds\n{table}"))
+}
+
+/// By row: updates in milliseconds, and times of rays over `best` in percent.
+fn plot(measured: &[(String, Vec<Frame>)]) -> anyhow::Result<String> {
+    let mut lines = Vec::new();
+    for (name, frames) in measured {
+        for (what, scale, expression) in [
+            ("merge, ms", 1.0, "ms: scene/merge/frame;; kd/best/wide"),
+            ("auto, ms", 1.0, "ms: scene/auto/frame;; kd/best/wide"),
+            (
+                "rays, %",
+                100.0,
+                "time: scene/merge/frame; mirrors; kd/best/wide",
+            ),
+        ] {
+            let values = frames.iter().map(|frame| frame.value(expression));
+            let points = (1..).map(f64::from).zip(values);
+            let points = points.map(|(row, value)| Ok((row, scale * value?)));
+            lines.push((
+                format!("{name}: {what}"),
+                points.collect::<anyhow::Result<_>>()?,
+            ));
+        }
+    }
+    let plot = XyPlot {
+        x_axis: "row: from outside to all over it",
+        y_axis: "update in ms; rays through the merged tree, % of best",
+        scale: Axis::Logarithmic,
+        lines,
+        points: Vec::new(),
+    };
+    plot.to_svg()
 }

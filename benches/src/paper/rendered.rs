@@ -1,10 +1,10 @@
-//! Table 4.1 of *kd-tree merging* with pictures: what frames take to make and to render, by merging and by building anew, and by
+//! Table 4.1 of *kd-tree merging* with pictures: the time of frames and of their pictures, by merging and by rebuilding, and of
 //! the same renderer through Embree.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::ensure;
 use kd::{BuildOptions, MergeMethod, Ray, Strategy};
@@ -13,45 +13,29 @@ use kd_scene::{AffOptions, SceneDescription, load_aff, toy_room};
 use serde_json::{Value, json};
 
 use super::PaperArgs;
-use super::merge_table::SEED;
-use crate::goals::{Goal, Row, Table, geometric_mean, maximum, minimum};
-use crate::measure::{self, Repeats};
+use super::frame::{self, Frame};
+use crate::environment::Environment;
+use crate::measure::{Pairs, seconds, timed_in_pairs};
+use crate::names::RIVAL;
 use crate::peers;
-use crate::plots::StackedBars;
-use crate::record::{median, median_ratio};
-use crate::run_folder;
-use crate::structure::{RIVAL, Structure};
-use crate::terminal;
+use crate::plots::{Axis, BarPlot};
+use crate::session::Session;
+use crate::structure::{Manner, Structure};
+use crate::view::View;
+use crate::{run_folder, text};
 
-/// Rows of the table: seconds of the kitchen's twenty.
+/// Rows of the table: one for every second second of the kitchen's twenty.
 const ROWS: usize = 10;
 
-/// Pictures differ in at most this share of their pixels where rays are answered in f32: at edges, seen in mirrors of mirrors.
+/// The allowed share of pixels that differ where rays are answered in f32: at edges that are seen in mirrors of mirrors.
 const MOST_OTHERS: f64 = 0.02;
 
-/// What was measured in a frame, in milliseconds.
-#[derive(Clone, Debug)]
-struct FrameFigures {
-    row: String,
-    frame: usize,
-    /// Making the frame, and its picture.
-    merged: [f64; 2],
-    rebuilt: [f64; 2],
-    /// What of the picture by merging is tracing, of both threads together.
-    tracing: f64,
-    rays: u64,
-    embree: Option<EmbreeFigures>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct EmbreeFigures {
-    picture_ms: f64,
-    /// Its picture over ours, and its tracing over ours.
-    pictures: f64,
-    tracing: f64,
-    /// Share of pixels that are others.
-    others: f64,
-}
+/// Names in cells.
+const MERGED: &str = "scene/merge/picture";
+const REBUILT: &str = "scene/rebuild/picture";
+const PICTURE: &str = "picture";
+/// The rays of a picture alone, of all threads together.
+const TRACING: &str = "tracing";
 
 pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     if arguments.peers {
@@ -62,18 +46,32 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     let triangles: usize = scene.parts.iter().map(|part| part.mesh.len()).sum();
     println!("{name}: {triangles} triangles, {} frames", span.frames);
     let rows = (1..=ROWS).filter(|row| arguments.rows.is_empty() || arguments.rows.contains(row));
+    let environment = Environment::detect();
     let mut bench = Bench::new(&scene, arguments)?;
-    let mut figures = Vec::new();
-    let mut problems = Vec::new();
+    let (mut frames, mut problems) = (Vec::new(), Vec::new());
     for row in rows {
-        let frame = (2 * row * (span.frames - 1) + ROWS) / (2 * ROWS);
-        eprintln!("{name}, {}", 2 * row);
-        figures.push(bench.measure(2 * row, frame, arguments.peers, &mut problems)?);
+        let number = (2 * row * (span.frames - 1) + ROWS) / (2 * ROWS);
+        let label = (2 * row).to_string();
+        eprintln!("{name}, {label}");
+        let mut session = Session::new(&environment, &label, triangles, arguments.samples);
+        bench.measure(&mut session, number, arguments.peers)?;
+        problems.extend(session.problems);
+        frames.push(Frame {
+            scene: name.clone(),
+            label,
+            number,
+            cells: session.cells,
+        });
     }
-    ensure!(!figures.is_empty(), "there is no such row");
-    let is_of_seed = name == "bart_kitchen";
-    println!("{}", times(&figures, is_of_seed));
-    println!("{}", ratios(&figures));
+    ensure!(!frames.is_empty(), "no such row");
+    println!("{}", times(&frames, arguments.peers)?);
+    let cells = frame::cells(&frames);
+    let views: &[&str] = if arguments.peers {
+        &["rendered", "rendered-peers"]
+    } else {
+        &["rendered"]
+    };
+    println!("{}", View::named(views, ("", ""))?.of(&cells));
     println!(
         "{} threads, medians of {} pairs; {}x{} pixels, 1 light, 2 bounces, textures",
         bench.threads, arguments.samples, bench.options.width, bench.options.height
@@ -81,19 +79,15 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     if let Some(every) = arguments.share {
         println!("{}", bench.share(every.max(1))?);
     }
-    if let Some(path) = &arguments.json {
-        run_folder::write(path, to_lines(&name, &figures, is_of_seed)?)?;
-        println!("wrote {}", path.display());
-    }
-    if let Some(path) = &arguments.plot {
-        run_folder::write(path, plot(&figures)?)?;
-        println!("wrote {}", path.display());
-    }
+    let lines = frames.iter().map(|frame| frame.line());
+    let lines = lines.collect::<anyhow::Result<String>>()?;
+    run_folder::write_all([arguments.json.clone()], lines)?;
+    run_folder::write_all([arguments.plot.clone()], plot(&frames)?)?;
     if let Some(path) = &arguments.picture {
         bench.picture(path)?;
         println!("wrote {}", path.display());
     }
-    Ok(terminal::tell_problems(&problems))
+    Ok(text::report_problems(&problems))
 }
 
 fn scene(arguments: &PaperArgs) -> anyhow::Result<(String, SceneDescription)> {
@@ -119,7 +113,6 @@ struct Bench<'a> {
     merged: Stage,
     rebuilt: Stage,
     options: RenderOptions,
-    repeats: Repeats,
     threads: usize,
 }
 
@@ -146,34 +139,31 @@ impl<'a> Bench<'a> {
                 lights: 1,
                 ..RenderOptions::default()
             },
-            repeats: Repeats {
-                pairs: arguments.samples,
-                until: Duration::MAX,
-            },
             threads: rayon::current_num_threads(),
         })
     }
 
     fn measure(
         &mut self,
-        row: usize,
+        session: &mut Session<'_>,
         frame: usize,
         with_embree: bool,
-        problems: &mut Vec<String>,
-    ) -> anyhow::Result<FrameFigures> {
-        let updates = measure::timed_in_pairs(
-            self.repeats,
+    ) -> anyhow::Result<()> {
+        let updates = timed_in_pairs(
+            session.repeats,
             || update(self.scene, &mut self.rebuilt, frame),
             || update(self.scene, &mut self.merged, frame),
         )?;
+        session.add_build(MERGED, REBUILT, &updates);
         let options = &self.options;
         let expected = picture(&self.merged, &self.merged.tracer(), options);
         if picture(&self.rebuilt, &self.rebuilt.tracer(), options) != expected {
-            problems.push(format!("frame {frame}: another picture by building anew"));
+            let problem = format!("frame {frame}: the picture of a rebuild differs");
+            session.problems.push(problem);
         }
         let tracing = AtomicU64::new(0);
-        let pictures = measure::timed_in_pairs(
-            self.repeats,
+        let pictures = timed_in_pairs(
+            session.repeats,
             || picture_seconds(&self.rebuilt, &self.rebuilt.tracer(), options),
             || {
                 let frame = self.merged.tracer();
@@ -181,33 +171,27 @@ impl<'a> Bench<'a> {
                 picture_seconds(&self.merged, &tracer, options)
             },
         )?;
-        let times = self.repeats.pairs as f64;
-        let ms = |seconds: &[f64]| 1e3 * median(seconds);
-        let embree = if with_embree {
-            let embree = self.embree(&expected)?;
-            if embree.others > MOST_OTHERS {
-                let share = 100.0 * embree.others;
-                problems.push(format!(
-                    "frame {frame}: {share:.1} % of Embree's pixels are others"
-                ));
-            }
-            Some(embree)
-        } else {
-            None
+        let rays = usize::try_from(expected.rays.total())?;
+        session.add_rays(MERGED, PICTURE, REBUILT, &pictures, rays);
+        let mean = tracing.seconds() / session.repeats.pairs as f64;
+        let tracing = Pairs {
+            own: vec![mean],
+            baseline: Vec::new(),
         };
-        Ok(FrameFigures {
-            row: row.to_string(),
-            frame,
-            merged: [ms(&updates.own), ms(&pictures.own)],
-            rebuilt: [ms(&updates.baseline), ms(&pictures.baseline)],
-            tracing: 1e-6 * tracing.load(Ordering::Relaxed) as f64 / times,
-            rays: expected.rays.total(),
-            embree,
-        })
+        session.add_rays(MERGED, TRACING, "", &tracing, rays);
+        if with_embree {
+            self.embree(session, &expected, frame)?;
+        }
+        Ok(())
     }
 
-    /// The same renderer, whose rays go through Embree one by one.
-    fn embree(&self, expected: &Rendering) -> anyhow::Result<EmbreeFigures> {
+    /// The same renderer with rays through Embree, one at a time.
+    fn embree(
+        &self,
+        session: &mut Session<'_>,
+        expected: &Rendering,
+        frame: usize,
+    ) -> anyhow::Result<()> {
         let mesh = self.scene.mesh_at(self.merged.time())?;
         let mut next = 0;
         let starts = self.scene.parts.iter().map(|part| {
@@ -219,25 +203,36 @@ impl<'a> Bench<'a> {
             starts: starts.collect(),
             structure: RIVAL.build(&Arc::new(mesh), self.threads)?.structure,
         };
-        let stage = &self.merged;
-        let found = picture(stage, &embree, &self.options).picture;
+        let (stage, options) = (&self.merged, &self.options);
+        let found = picture(stage, &embree, options).picture;
         let pairs = found.pixels.iter().zip(&expected.picture.pixels);
         let others = pairs.filter(|(a, b)| a.distance(**b) > 0.06).count();
         let (theirs, ours) = (AtomicU64::new(0), AtomicU64::new(0));
-        let pictures = measure::timed_in_pairs(
-            self.repeats,
-            || picture_seconds(stage, &Timed::new(&embree, &theirs), &self.options),
-            || picture_seconds(stage, &Timed::new(&stage.tracer(), &ours), &self.options),
+        let pictures = timed_in_pairs(
+            session.repeats,
+            || picture_seconds(stage, &Timed::new(&embree, &theirs), options),
+            || picture_seconds(stage, &Timed::new(&stage.tracer(), &ours), options),
         )?;
-        Ok(EmbreeFigures {
-            picture_ms: 1e3 * median(&pictures.baseline),
-            pictures: median_ratio(&pictures.baseline, &pictures.own),
-            tracing: theirs.into_inner() as f64 / ours.into_inner() as f64,
-            others: others as f64 / found.pixels.len() as f64,
-        })
+        let (rival, rays) = (RIVAL.to_string(), usize::try_from(expected.rays.total())?);
+        session.add_rays(MERGED, PICTURE, &rival, &pictures, rays);
+        let tracing = Pairs {
+            own: vec![ours.seconds()],
+            baseline: vec![theirs.seconds()],
+        };
+        session.add_rays(MERGED, TRACING, &rival, &tracing, rays);
+        let share = others as f64 / found.pixels.len() as f64;
+        if share > MOST_OTHERS {
+            let percent = 100.0 * share;
+            let problem = format!("frame {frame}: {percent:.1} % of Embree's pixels differ");
+            session.problems.push(problem);
+        }
+        let mut cell = session.blank(&rival, PICTURE, 1, "");
+        cell.exact.disagreement_ppm = Some(1e6 * share);
+        session.add(cell);
+        Ok(())
     }
 
-    /// In how many frames of all, by steps, merging gives the picture sooner than building anew.
+    /// The share of every `every`th frame whose picture is finished earlier by merging than by rebuilding.
     fn share(&mut self, every: usize) -> anyhow::Result<String> {
         let span = self.scene.span.expect("it moves");
         let (mut sooner, mut all) = (0, 0);
@@ -255,7 +250,7 @@ impl<'a> Bench<'a> {
         }
         let percent = 100.0 * f64::from(u32::try_from(sooner)?) / f64::from(u32::try_from(all)?);
         Ok(format!(
-            "merging gives the picture sooner in {sooner} of {all} frames, {percent:.1} % (the paper: 99 %)"
+            "merging finishes the picture earlier in {sooner} of {all} frames, {percent:.1} % (the paper: 99 %)"
         ))
     }
 
@@ -275,14 +270,12 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// From the frame before to this one, in seconds.
+/// Seconds of the update from the frame before to this one.
 fn update(scene: &SceneDescription, stage: &mut Stage, frame: usize) -> anyhow::Result<f64> {
     let span = scene.span.expect("it moves");
     let before = if frame == 0 { 1 } else { frame - 1 };
     stage.show(span.time_of(before))?;
-    let start = Instant::now();
-    stage.show(span.time_of(frame))?;
-    Ok(start.elapsed().as_secs_f64())
+    seconds(|| Ok(stage.show(span.time_of(frame))?))
 }
 
 fn picture(stage: &Stage, tracer: &impl Tracer, options: &RenderOptions) -> Rendering {
@@ -294,12 +287,10 @@ fn picture_seconds(
     tracer: &impl Tracer,
     options: &RenderOptions,
 ) -> anyhow::Result<f64> {
-    let start = Instant::now();
-    std::hint::black_box(picture(stage, tracer, options));
-    Ok(start.elapsed().as_secs_f64())
+    seconds(|| Ok(picture(stage, tracer, options)))
 }
 
-/// What the time is taken of that goes into answers, of all threads together.
+/// A tracer whose time is added up, of all threads together.
 struct Timed<'a, T> {
     tracer: &'a T,
     nanoseconds: &'a AtomicU64,
@@ -341,12 +332,12 @@ struct OfStructure {
 impl Tracer for OfStructure {
     fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
         let mut found = vec![None; rays.len()];
-        self.structure.closest(rays, &mut found);
+        self.structure.closest(Manner::Single, rays, &mut found);
         for (hit, found) in hits.iter_mut().zip(found) {
             *hit = found.map(|mut hit| {
                 let triangle = hit.triangle as usize;
                 let part = self.starts.partition_point(|start| *start <= triangle) - 1;
-                let start = u32::try_from(self.starts[part]).expect("as few as the triangle is");
+                let start = u32::try_from(self.starts[part]).expect("no more than the triangle");
                 hit.triangle -= start;
                 PartHit { part, hit }
             });
@@ -354,125 +345,118 @@ impl Tracer for OfStructure {
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.structure.any(rays, occluded);
+        self.structure.any(Manner::Single, rays, occluded);
     }
 }
 
-/// The paper's figures of a row: building by copy, dynamic tree and merge, rendering; building anew, rendering that.
-fn seed(row: &str) -> Option<[f64; 4]> {
-    let found = SEED.iter().find(|(number, _)| number.to_string() == row);
-    found.map(|(_, [copy, dynamic, merge, trace, rebuild, rebuilt])| {
-        [copy + dynamic + merge, *trace, *rebuild, *rebuilt]
-    })
+/// The seconds of a sum of nanoseconds.
+trait Seconds {
+    fn seconds(&self) -> f64;
 }
 
-fn times(figures: &[FrameFigures], is_of_seed: bool) -> String {
-    let mut head: Vec<String> = [
-        "row", "frame", "update", "picture", "`best`", "picture", "Mray/s",
-    ]
-    .map(String::from)
-    .into();
-    if figures.iter().any(|f| f.embree.is_some()) {
-        head.push("Embree's".into());
-    }
-    if is_of_seed {
-        let names = ["update", "picture", "rebuild", "picture"];
-        head.extend(names.map(|name| format!("paper {name}")));
-    }
-    let mut table = terminal::empty_table(head);
-    for f in figures {
-        let mut cells = vec![f.row.clone(), f.frame.to_string()];
-        cells.push(format!("{:.2}", f.merged[0]));
-        cells.extend([f.merged[1], f.rebuilt[0], f.rebuilt[1]].map(|ms| format!("{ms:.0}")));
-        cells.push(format!("{:.2}", f.rays as f64 / f.merged[1] * 1e-3));
-        cells.extend(f.embree.map(|embree| format!("{:.0}", embree.picture_ms)));
-        if is_of_seed && let Some(ms) = seed(&f.row) {
-            cells.extend(ms.map(|ms| format!("{ms:.0}")));
-        }
-        table.add_row(cells);
-    }
-    terminal::align_right(&mut table, 1);
-    format!("milliseconds\n{table}")
-}
-
-fn ratios(figures: &[FrameFigures]) -> Table {
-    let mut rows = Vec::new();
-    let mut row = |name: &str, goal: Goal, value: &dyn Fn(&FrameFigures) -> Option<f64>| {
-        let of_all = match goal {
-            Goal::AtMost(_) => maximum,
-            Goal::AtLeast(_) => minimum,
-            Goal::None => geometric_mean,
-        };
-        let values = figures.iter().map(value).collect();
-        rows.push(Row::new(name, goal, values, of_all));
-    };
-    let total = |[update, picture]: [f64; 2]| update + picture;
-    row(
-        "building anew and its picture / merging and its picture",
-        Goal::None,
-        &|f| Some(total(f.rebuilt) / total(f.merged)),
-    );
-    row("picture by merging / by building anew", Goal::None, &|f| {
-        Some(f.merged[1] / f.rebuilt[1])
-    });
-    row("tracing, of both threads together, ms", Goal::None, &|f| {
-        Some(f.tracing)
-    });
-    if figures.iter().any(|f| f.embree.is_some()) {
-        row("picture through Embree / ours", Goal::AtLeast(1.5), &|f| {
-            Some(f.embree?.pictures)
-        });
-        row("tracing by Embree / ours", Goal::AtLeast(2.0), &|f| {
-            Some(f.embree?.tracing)
-        });
-        row(
-            "pixels that are others through Embree, %",
-            Goal::None,
-            &|f| Some(100.0 * f.embree?.others),
-        );
-    }
-    Table {
-        scenes: figures.iter().map(|f| f.row.clone()).collect(),
-        rows,
+impl Seconds for AtomicU64 {
+    fn seconds(&self) -> f64 {
+        1e-9 * self.load(Ordering::Relaxed) as f64
     }
 }
 
-fn to_lines(name: &str, figures: &[FrameFigures], is_of_seed: bool) -> anyhow::Result<String> {
-    let mut lines = String::new();
-    for f in figures {
-        let seed = seed(&f.row).filter(|_| is_of_seed);
-        let seed = seed.map_or(Value::Null, |[update, picture, rebuild, rebuilt]| {
+/// The paper's figures of a row: copy, dynamic tree and merge together, the picture; the rebuild, its picture.
+fn seed(frame: &Frame) -> Option<[f64; 4]> {
+    let (_, [copy, dynamic, merge, trace, rebuild, rebuilt]) = frame.seed()?;
+    Some([copy + dynamic + merge, trace, rebuild, rebuilt])
+}
+
+/// Milliseconds of a frame: of its update and its picture by merging and by rebuilding, and of the rays of its picture.
+const UPDATE: &str = "ms: scene/merge/picture;; scene/rebuild/picture";
+const REBUILD: &str = "over ms: scene/merge/picture;; scene/rebuild/picture";
+const MERGED_PICTURE: &str = "picture ms: scene/merge/picture; picture; scene/rebuild/picture";
+const REBUILT_PICTURE: &str =
+    "over picture ms: scene/merge/picture; picture; scene/rebuild/picture";
+const RAYS: &str = "picture ms: scene/merge/picture; tracing";
+const ITS_PICTURE: &str = "over picture ms: scene/merge/picture; picture; embree/medium/own";
+
+impl Frame {
+    /// Rays of the picture.
+    fn rays(&self) -> usize {
+        let cell = self.cells.iter().find(|cell| cell.rays == PICTURE);
+        cell.map_or(0, |cell| cell.exact.rays)
+    }
+
+    fn line(&self) -> anyhow::Result<String> {
+        let seed = seed(self).map_or(Value::Null, |[update, picture, rebuild, rebuilt]| {
             json!({
                 "update_ms": update, "picture_ms": picture,
                 "rebuild_ms": rebuild, "rebuild_picture_ms": rebuilt,
             })
         });
-        let embree = f.embree.map_or(Value::Null, |embree| {
-            json!({
-                "picture_ms": embree.picture_ms, "picture_over_ours": embree.pictures,
-                "tracing_over_ours": embree.tracing, "other_pixels": embree.others,
-            })
-        });
+        let embree = match self.value(ITS_PICTURE) {
+            Ok(picture) => json!({
+                "picture_ms": picture,
+                "picture_over_ours": self.value("speed: scene/merge/picture; picture; embree/medium/own")?,
+                "tracing_over_ours": self.value("speed: scene/merge/picture; tracing; embree/medium/own")?,
+                "other_pixels": 1e-2 * self.value("percent: embree/medium/own; picture")?,
+            }),
+            Err(_) => Value::Null,
+        };
+        let [update, rebuild, picture, rebuilt, tracing] =
+            self.values([UPDATE, REBUILD, MERGED_PICTURE, REBUILT_PICTURE, RAYS])?;
         let line = json!({
-            "table": "merge-table-rendered", "scene": name, "row": f.row, "frame": f.frame,
-            "update_ms": f.merged[0], "picture_ms": f.merged[1], "rays": f.rays,
-            "tracing_ms": f.tracing, "rebuild_ms": f.rebuilt[0],
-            "rebuild_picture_ms": f.rebuilt[1], "embree": embree, "seed": seed,
+            "table": "merge-table-rendered", "scene": self.scene, "row": self.label, "frame": self.number,
+            "update_ms": update, "picture_ms": picture, "rays": self.rays(), "tracing_ms": tracing,
+            "rebuild_ms": rebuild, "rebuild_picture_ms": rebuilt, "embree": embree, "seed": seed,
         });
-        lines += &serde_json::to_string(&line)?;
-        lines.push('\n');
+        Ok(serde_json::to_string(&line)? + "\n")
     }
-    Ok(lines)
 }
 
-/// Figure 4.1: building and rendering, one over the other, by building anew and by merging.
-fn plot(figures: &[FrameFigures]) -> anyhow::Result<String> {
-    let bars = StackedBars {
+fn times(frames: &[Frame], with_embree: bool) -> anyhow::Result<String> {
+    let ours = [
+        "row", "frame", "update", "picture", "`best`", "picture", "Mray/s",
+    ];
+    let mut head: Vec<String> = ours.map(String::from).into();
+    if with_embree {
+        head.push("Embree's".into());
+    }
+    if frames.iter().any(|frame| frame.seed().is_some()) {
+        let names = ["update", "picture", "rebuild", "picture"];
+        head.extend(names.map(|name| format!("paper {name}")));
+    }
+    let mut table = text::empty_table(head);
+    for frame in frames {
+        let [update, rebuild, picture, rebuilt] =
+            frame.values([UPDATE, REBUILD, MERGED_PICTURE, REBUILT_PICTURE])?;
+        let mut cells = vec![frame.label.clone(), frame.number.to_string()];
+        cells.push(format!("{update:.2}"));
+        cells.extend([picture, rebuild, rebuilt].map(|ms| format!("{ms:.0}")));
+        cells.push(format!("{:.2}", frame.rays() as f64 / picture * 1e-3));
+        if with_embree {
+            cells.push(format!("{:.0}", frame.value(ITS_PICTURE)?));
+        }
+        if let Some(ms) = seed(frame) {
+            cells.extend(ms.map(|ms| format!("{ms:.0}")));
+        }
+        table.add_row(cells);
+    }
+    text::align_right(&mut table, 1);
+    Ok(format!("milliseconds\n{table}"))
+}
+
+/// Figure 4.1: updating and rendering stacked, by rebuilding and by merging.
+fn plot(frames: &[Frame]) -> anyhow::Result<String> {
+    let value = |frame: &Frame| -> anyhow::Result<Vec<Vec<f64>>> {
+        let [update, rebuild, picture, rebuilt] =
+            frame.values([UPDATE, REBUILD, MERGED_PICTURE, REBUILT_PICTURE])?;
+        Ok(vec![vec![rebuild, rebuilt], vec![update, picture]])
+    };
+    let bars = BarPlot {
         axis: "milliseconds",
-        parts: ["updating", "picture"],
-        names: ["built anew", "merged"],
-        groups: figures.iter().map(|f| f.row.clone()).collect(),
-        values: figures.iter().map(|f| [f.rebuilt, f.merged]).collect(),
+        scale: Axis::Linear,
+        groups: frames.iter().map(|frame| frame.label.as_str()).collect(),
+        legend: vec![
+            ["rebuilt, updating", "rebuilt, picture"],
+            ["merged, updating", "merged, picture"],
+        ],
+        values: frames.iter().map(value).collect::<anyhow::Result<_>>()?,
     };
     bars.to_svg()
 }

@@ -1,23 +1,24 @@
-//! The crate `bvh`, which names candidates: with a triangle test of our own, and for closest hits its way through the
-//! tree that gives near candidates first, left at the first one that lies behind the best hit.
+//! The crate `bvh`, which returns candidates: with a triangle test of our own, and for closest hits its traversal that gives
+//! near candidates first, ended at the first one behind the best hit.
 
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy as _};
 use bvh::bvh::Bvh;
 use kd::glam::Vec3;
 use kd::{Hit, Mesh, Ray};
+use kd_trace::RayQuery;
 
-use super::rust::{self, SingleRays};
-use crate::structure::Built;
+use super::rust;
+use crate::structure::{Built, restarted_hits};
 
-/// A triangle as the test wants it.
+/// A triangle in the form of the test.
 #[derive(Clone, Debug)]
 struct Shape {
     corner: Vec3,
     edges: [Vec3; 2],
     bounds: Aabb<f32, 3>,
     number: u32,
-    /// The crate's, to find its node.
+    /// The crate's index of its node.
     node: usize,
 }
 
@@ -26,7 +27,7 @@ struct Tree {
     shapes: Vec<Shape>,
 }
 
-/// Builds; with several threads, by the crate's parallel build.
+/// Builds, on several threads by the crate's parallel build.
 pub(super) fn build(mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
     let count = u32::try_from(mesh.len())?;
     let mut shapes: Vec<Shape> = (0..count).map(|number| Shape::new(mesh, number)).collect();
@@ -53,7 +54,7 @@ impl Shape {
         }
     }
 
-    /// Where the ray meets the triangle, from either side (T. Möller and B. Trumbore: *Fast, Minimum Storage
+    /// The distance at which the ray meets the triangle, from either side (T. Möller and B. Trumbore: *Fast, Minimum Storage
     /// Ray/Triangle Intersection*, 1997).
     #[inline]
     fn distance(&self, ray: &Ray, t_max: f32) -> Option<f32> {
@@ -91,9 +92,11 @@ fn ray_of(ray: &Ray) -> bvh::ray::Ray<f32, 3> {
     bvh::ray::Ray::new(origin.into(), direction.into())
 }
 
-impl SingleRays for Tree {
+impl RayQuery for Tree {
+    type Hit = Hit;
+
     #[inline]
-    fn closest(&self, ray: &Ray) -> Option<Hit> {
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let line = ray_of(ray);
         // The crate's rays have unit length.
         let length = ray.direction.length();
@@ -112,9 +115,13 @@ impl SingleRays for Tree {
     }
 
     #[inline]
-    fn any(&self, ray: &Ray) -> bool {
+    fn occluded(&self, ray: &Ray) -> bool {
         let line = ray_of(ray);
         let mut candidates = self.bvh.traverse_iterator(&line, &self.shapes);
         candidates.any(|shape| shape.distance(ray, ray.t_max).is_some())
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        restarted_hits(self, ray, max, out);
     }
 }

@@ -1,28 +1,19 @@
-//! Embree as something to measure: one ray at a time, in packets of eight, and for several hits of a ray.
+//! Embree under measurement: one ray at a time, in packets of eight, and for several hits of a ray.
 
 use std::time::Instant;
 
 use kd::{Hit, Mesh, Ray};
+use kd_trace::RayQuery;
 
 use super::embree_api::{
     FirstHits, Hit1, Input, Moving, NOTHING, Purpose, Quality, QueryContext, Ray1, Ray8, RayHit1,
     RayHit8, Scene,
 };
-use super::shape_of;
-use crate::record::Steps;
-use crate::structure::{
-    BuilderName, Built, Distances, OrderedHits, Shape, Structure, StructureName, distances_of,
-};
+use super::{Following, shape_of};
+use crate::names::{BuilderName, StructureName};
+use crate::structure::{Built, Manner, Shape, Structure};
 
-/// An Embree scene, and how it is asked.
-#[derive(Debug)]
-struct Embree {
-    scene: Scene,
-    packets: bool,
-}
-
-/// Builds `structure`, one of the three of Embree's. The clock runs while the scene is committed, with the mesh in
-/// Embree's own buffers.
+/// Builds `structure`, one of Embree's three. The clock covers the commit of the scene, with the mesh in Embree's own buffers.
 pub(super) fn build(
     structure: StructureName,
     builder: BuilderName,
@@ -44,97 +35,105 @@ pub(super) fn build(
     Ok(Built {
         seconds: start.elapsed().as_secs_f64(),
         peak_bytes: scene.peak_bytes,
-        structure: Box::new(Embree {
-            scene,
-            packets: structure == StructureName::Embree8,
-        }),
+        structure: match structure {
+            StructureName::Embree8 => Box::new(InPackets(scene)),
+            _ => Box::new(scene),
+        },
     })
 }
 
-/// A scene of which one mesh stands still and one moves.
+/// A scene of a static and a moving mesh.
 #[derive(Debug)]
-pub(crate) struct EmbreeMoving(Moving);
+pub(super) struct Moved(Moving);
 
-/// How Embree follows what moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Following {
-    /// Everything is built anew, in medium quality
-    Rebuild,
-    /// What moves is built anew in medium quality, in a scene that is made for that
-    Medium,
-    /// What moves is refitted
-    Refit,
-}
-
-impl EmbreeMoving {
-    pub(crate) fn new(
-        fixed: &Mesh,
-        moving: &Mesh,
-        following: Following,
-        threads: usize,
-    ) -> anyhow::Result<Self> {
-        let (scene, purpose, quality) = match following {
-            Following::Rebuild => (Quality::Medium, Purpose::Usual, Quality::Medium),
-            Following::Medium => (Quality::Low, Purpose::Dynamic, Quality::Medium),
-            Following::Refit => (Quality::Low, Purpose::Dynamic, Quality::Refit),
+impl Moved {
+    pub(super) fn new(way: &str, fixed: &Mesh, moving: &Mesh) -> anyhow::Result<Self> {
+        let (scene, purpose, quality) = match way {
+            "rebuild" => (Quality::Medium, Purpose::Usual, Quality::Medium),
+            "medium" => (Quality::Low, Purpose::Dynamic, Quality::Medium),
+            _ => (Quality::Low, Purpose::Dynamic, Quality::Refit),
         };
-        let input = Input::of_scene(fixed, [scene, Quality::Medium], purpose, threads)?;
+        let input = Input::of_scene(fixed, [scene, Quality::Medium], purpose, 1)?;
         Ok(Self(input.add(moving, quality)?))
     }
+}
 
-    pub(crate) fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()> {
+impl Following for Moved {
+    fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()> {
         self.0.update(positions)
     }
 
-    /// The closest hits, one by one or in packets of eight; triangles have the numbers of their own mesh.
-    pub(crate) fn closest(&self, packets: bool, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        closest(&self.0.scene, packets, rays, hits);
-    }
-
-    pub(crate) fn any(&self, packets: bool, rays: &[Ray], hits: &mut [bool]) {
-        any(&self.0.scene, packets, rays, hits);
+    fn structure(&self) -> &dyn Structure {
+        &self.0.scene
     }
 }
 
-/// An Embree scene that is asked for several hits of a ray.
+/// An Embree scene for several hits of a ray.
 #[derive(Debug)]
 struct Filtered(Scene);
 
-/// Builds a scene as [`BuilderName::Medium`] does, whose hits can be filtered.
-pub(super) fn ordered_hits(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dyn OrderedHits>> {
+/// A scene like that of [`BuilderName::Medium`], with a filter for hits.
+pub(super) fn filtered(
+    mesh: &Mesh,
+    threads: usize,
+) -> anyhow::Result<Box<dyn RayQuery<Hit = Hit>>> {
     let input = Input::new(mesh, Quality::Medium, Purpose::Filtered, threads)?;
     Ok(Box::new(Filtered(input.commit()?)))
 }
 
-impl OrderedHits for Filtered {
-    fn first(&self, rays: &[Ray], distances: &mut [Distances]) {
-        let Self(scene) = self;
+impl RayQuery for Filtered {
+    type Hit = Hit;
+
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let mut hit = [None];
+        closest(&self.0, false, std::slice::from_ref(ray), &mut hit);
+        hit[0]
+    }
+
+    fn occluded(&self, ray: &Ray) -> bool {
+        let mut hit = [false];
+        any(&self.0, false, std::slice::from_ref(ray), &mut hit);
+        hit[0]
+    }
+
+    /// At most [`FIRST`](crate::structure::FIRST) hits.
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         let mut found = FirstHits::none();
-        for (ray, distances) in rays.iter().zip(distances) {
-            *distances = distances_of(scene.first_hits(&mut found, &mut with_room_for_hit(ray)));
-        }
+        let hits = self.0.first_hits(&mut found, &mut with_room_for_hit(ray));
+        out.clear();
+        out.extend(hits.iter().take(max));
     }
 }
 
-impl Structure for Embree {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        closest(&self.scene, self.packets, rays, hits);
+impl Structure for Scene {
+    fn closest(&self, by: Manner, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        closest(self, by != Manner::Single, rays, hits);
     }
 
-    fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        any(&self.scene, self.packets, rays, hits);
-    }
-
-    fn counted(&self, _: &Ray) -> Option<(Option<Hit>, Steps)> {
-        None
+    fn any(&self, by: Manner, rays: &[Ray], occluded: &mut [bool]) {
+        any(self, by != Manner::Single, rays, occluded);
     }
 
     fn shape(&self) -> Shape {
-        shape_of(self.scene.bytes)
+        shape_of(self.bytes)
+    }
+}
+
+/// An Embree scene that is always traced in packets.
+#[derive(Debug)]
+struct InPackets(Scene);
+
+impl Structure for InPackets {
+    fn closest(&self, _: Manner, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        closest(&self.0, true, rays, hits);
     }
 
-    fn flaw(&self) -> Option<String> {
-        None
+    fn any(&self, _: Manner, rays: &[Ray], occluded: &mut [bool]) {
+        any(&self.0, true, rays, occluded);
+    }
+
+    fn shape(&self) -> Shape {
+        self.0.shape()
     }
 }
 
@@ -179,7 +178,7 @@ fn any(scene: &Scene, packets: bool, rays: &[Ray], hits: &mut [bool]) {
     }
 }
 
-/// Rays of one origin come from a camera, which is when Embree wants to be told that they are coherent.
+/// Rays of one origin come from a camera: Embree gets the hint that they are coherent.
 fn have_one_origin(rays: &[Ray]) -> bool {
     rays.windows(2).all(|pair| pair[0].origin == pair[1].origin)
 }
@@ -246,8 +245,8 @@ const EMPTY_HITS8: RayHit8 = RayHit8 {
     instance: [NOTHING; 8],
 };
 
-/// Lays up to eight rays side by side; the last one again where there are fewer. That is part of the query's time: rays
-/// come one after the other, here as to our own batches.
+/// Fills the lanes with up to eight rays, and the remaining lanes with the last one. This is part of the query's time, since
+/// rays come one after the other, as to our own batches.
 #[inline]
 fn fill(packet: &mut Ray8, rays: &[Ray]) {
     for lane in 0..8 {

@@ -1,12 +1,11 @@
-//! Embree 3 through the few functions of its C interface that are needed, opened when it is first asked for.
+//! Embree 3 through a few functions of its C interface; the library is opened at its first use.
 //!
-//! The types and constants are those of the headers of Embree 3 (`rtcore_*.h`); 3.13 is what is tested. Everything
-//! that this module gives out is safe to use: a [`Scene`] is committed, and handles are released when it is dropped.
-//! The floating point modes of the processor (flush to zero, denormals are zero) are left as they are: Embree advises
-//! to set them, but compiled Rust relies on the defaults.
+//! The types and constants are those of the headers of Embree 3 (`rtcore_*.h`), tested with 3.13. The interface of this module is
+//! safe: a [`Scene`] is committed, and its handles are released when it is dropped. The floating point modes of the processor
+//! (flush to zero, denormals are zero) stay unchanged: Embree advises to set them, but compiled Rust relies on the defaults.
 #![allow(
     unsafe_code,
-    reason = "a C library can only be called with it; nothing unsafe leaves this file"
+    reason = "calls of a C library; the interface of this file is safe"
 )]
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
@@ -22,7 +21,7 @@ use libloading::Library;
 
 use crate::structure::FIRST;
 
-/// What Embree writes where there is no triangle.
+/// Embree's number for no triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
 
 const TRIANGLES: c_int = 0;
@@ -31,7 +30,7 @@ const VERTEX_BUFFER: c_int = 1;
 const THREE_UINTS: c_int = 0x5003;
 const THREE_FLOATS: c_int = 0x9003;
 
-/// How much work a build is worth to Embree.
+/// The quality of a build.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Quality {
     /// Morton codes
@@ -40,11 +39,11 @@ pub(super) enum Quality {
     Medium = 1,
     /// The same with spatial splits
     High = 2,
-    /// Boxes of what was built before, where triangles are now
+    /// Boxes of an earlier build, refitted to the triangles
     Refit = 3,
 }
 
-/// What a scene is made for: `RTCSceneFlags`.
+/// The purpose of a scene: `RTCSceneFlags`.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
     Usual = 0,
@@ -67,14 +66,14 @@ pub(super) struct Ray1 {
     pub(super) t_min: f32,
     pub(super) direction: [f32; 3],
     pub(super) time: f32,
-    /// Where the hit is, after a query; below 0 for an occluded ray.
+    /// After a query the distance of the hit; below 0 for an occluded ray.
     pub(super) t_max: f32,
     pub(super) mask: u32,
     pub(super) id: u32,
     pub(super) flags: u32,
 }
 
-/// `RTCHit`, but for its alignment: that which a filter gets need not have it.
+/// `RTCHit` without its alignment, which the argument of a filter need not have.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Hit1 {
@@ -94,7 +93,7 @@ pub(super) struct RayHit1 {
     pub(super) hit: Hit1,
 }
 
-/// `RTCRay8`: as [`Ray1`], each field for eight rays.
+/// `RTCRay8`: the fields of [`Ray1`] for eight rays.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Ray8 {
@@ -121,7 +120,7 @@ pub(super) struct RayHit8 {
     pub(super) instance: [u32; 8],
 }
 
-/// `RTCIntersectContext` of a library that allows one level of instances, which is how distributions build it.
+/// `RTCIntersectContext` of a library with one level of instances, as distributions build it.
 #[derive(Debug)]
 #[repr(C)]
 pub(super) struct QueryContext {
@@ -132,7 +131,7 @@ pub(super) struct QueryContext {
 }
 
 impl QueryContext {
-    /// `coherent` is advice about how to walk a packet; answers do not depend on it.
+    /// `coherent` is a hint for the traversal of packets; answers do not depend on it.
     pub(super) fn new(coherent: bool) -> Self {
         Self {
             flags: c_int::from(coherent),
@@ -149,23 +148,23 @@ type Filter = unsafe extern "C" fn(*const FilterArguments);
 #[derive(Debug)]
 #[repr(C)]
 struct FilterArguments {
-    /// To be set to 0 where the hit does not count.
+    /// Set to 0 to reject the hit.
     valid: *mut c_int,
     _geometry_data: *mut c_void,
     context: *mut QueryContext,
-    /// It ends at the hit.
+    /// Its `t_max` is the distance of the hit.
     ray: *mut Ray1,
     hit: *const Hit1,
     _rays: c_uint,
 }
 
-/// The context of a query for the first hits of a ray, and what it has found.
+/// The context of a query for the first hits of a ray, with the hits found.
 #[derive(Debug)]
 #[repr(C)]
 pub(super) struct FirstHits {
-    /// In front, so that a pointer to it is one to the whole.
+    /// First, so that a pointer to it is a pointer to the whole.
     context: QueryContext,
-    /// In order, as many as `count` says.
+    /// In order; `count` of them.
     nearest: [Hit; FIRST],
     count: usize,
 }
@@ -187,7 +186,7 @@ impl FirstHits {
         }
     }
 
-    /// Puts a hit in its place, if it is among the nearest so far.
+    /// Inserts a hit in order if it is among the nearest so far.
     #[inline]
     fn insert(&mut self, hit: Hit) {
         if self.count < FIRST {
@@ -204,19 +203,19 @@ impl FirstHits {
     }
 }
 
-/// Notes a hit. While there is room for more it does not count, so that the ray goes on as far as before; from then on
-/// it does, and the ray ends at the last of those noted: where a hit does not count, Embree sets the ray's end back.
+/// Records a hit. While fewer than [`FIRST`] are recorded, the hit is rejected, and Embree restores the ray's end; from then on it
+/// is accepted, and the ray ends at the last recorded hit.
 ///
 /// # Safety
 ///
-/// For Embree to call with one ray, in a query whose context is the front of a [`FirstHits`].
+/// Only for Embree, with one ray, in a query whose context is the first field of a [`FirstHits`].
 unsafe extern "C" fn keep_first(arguments: *const FilterArguments) {
-    // SAFETY: Embree keeps its arguments through the call and does not change them.
+    // SAFETY: Embree keeps its arguments valid and unchanged during the call.
     let arguments = unsafe { &*arguments };
-    // SAFETY: the caller promises that this is the context in a whole `FirstHits`, through a pointer to which it came;
-    // nobody else uses it before the query ends.
+    // SAFETY: the caller guarantees that this is the context of a whole `FirstHits`, and the pointer is derived from one to the
+    // whole; nothing else uses it before the query ends.
     let found = unsafe { &mut *arguments.context.cast::<FirstHits>() };
-    // SAFETY: this is the ray of the query, which Embree leaves alone through the call.
+    // SAFETY: this is the ray of the query, which Embree does not use during the call.
     let ray = unsafe { &mut *arguments.ray };
     // SAFETY: this is a hit with the fields of `Hit1`, each aligned.
     let hit = unsafe { &*arguments.hit };
@@ -229,23 +228,23 @@ unsafe extern "C" fn keep_first(arguments: *const FilterArguments) {
     if found.count == FIRST {
         ray.t_max = found.nearest[FIRST - 1].t;
     } else {
-        // SAFETY: there is one number for the one ray, to be written here.
+        // SAFETY: it points to one writable number, for the one ray.
         unsafe { *arguments.valid = 0 };
     }
 }
 
-/// All lanes of a packet count.
+/// All lanes of a packet are active.
 #[repr(align(32))]
 struct Lanes([c_int; 8]);
 static ALL_LANES: Lanes = Lanes([-1; 8]);
 
 macro_rules! functions {
     ($($name:ident = $symbol:literal ($($argument:ty),*) $(-> $result:ty)?;)*) => {
-        /// The functions of the library that are used here.
+        /// The functions of the library.
         #[derive(Debug)]
         struct Functions {
             $($name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
-            /// The functions live as long as it is open.
+            /// Keeps the library open, and so the functions valid.
             _library: Library,
         }
 
@@ -304,7 +303,7 @@ impl std::error::Error for NotInstalled {}
 
 fn functions() -> Result<&'static Functions, NotInstalled> {
     static LOADED: OnceLock<Result<Functions, NotInstalled>> = OnceLock::new();
-    // The name with a version is there without the files for developers.
+    // The name with a version exists without the files for developers.
     let plain = format!("{DLL_PREFIX}embree3{DLL_SUFFIX}");
     let names = [format!("{plain}.3"), plain];
     let loaded = LOADED.get_or_init(|| load(&names.map(OsString::from)));
@@ -314,8 +313,7 @@ fn functions() -> Result<&'static Functions, NotInstalled> {
 fn load(names: &[OsString]) -> Result<Functions, NotInstalled> {
     let mut why = String::from("no name to look for");
     for name in names {
-        // SAFETY: what runs on opening is the start-up code of Embree and of the libraries it needs, which ask nothing
-        // of the program that opens them.
+        // SAFETY: opening runs the start-up code of Embree and of its libraries, which have no requirements on the program.
         match unsafe { Library::new(name) }.and_then(Functions::of) {
             Ok(functions) => return Ok(functions),
             Err(error) => why = format!("{:#}", anyhow::Error::from(error)),
@@ -324,12 +322,12 @@ fn load(names: &[OsString]) -> Result<Functions, NotInstalled> {
     Err(NotInstalled(why))
 }
 
-/// Whether there is an Embree to call.
+/// Whether Embree is installed.
 pub(super) fn check_installed() -> Result<(), NotInstalled> {
     functions().map(|_| ())
 }
 
-/// What all devices have allocated, and the most of it since [`Input::commit`] last looked.
+/// Bytes that all devices have allocated, and their peak since the last [`Input::commit`].
 static BYTES_IN_USE: AtomicIsize = AtomicIsize::new(0);
 static BYTES_AT_PEAK: AtomicIsize = AtomicIsize::new(0);
 
@@ -339,7 +337,7 @@ extern "C" fn note_memory(_: *mut c_void, bytes: isize, _: bool) -> bool {
     true
 }
 
-/// A device with a scene that holds a mesh, in buffers of Embree's own.
+/// A device with a scene of a mesh, in Embree's own buffers.
 #[derive(Debug)]
 struct Handles {
     functions: &'static Functions,
@@ -347,7 +345,7 @@ struct Handles {
     scene: Handle,
 }
 
-/// A mesh in Embree's hands, to be built over.
+/// A mesh in Embree's buffers, ready for a build.
 #[derive(Debug)]
 pub(super) struct Input(Handles);
 
@@ -355,13 +353,13 @@ pub(super) struct Input(Handles);
 #[derive(Debug)]
 pub(super) struct Scene {
     handles: Handles,
-    /// What it takes, without the mesh's buffers.
+    /// Its bytes, without the mesh's buffers.
     pub(super) bytes: usize,
-    /// The most that its build had allocated at a time, without the mesh's buffers.
+    /// The peak of allocated bytes of its build, without the mesh's buffers.
     pub(super) peak_bytes: usize,
 }
 
-/// A scene of which one mesh moves.
+/// A scene with a moving mesh.
 #[derive(Debug)]
 pub(super) struct Moving {
     pub(super) scene: Scene,
@@ -370,15 +368,15 @@ pub(super) struct Moving {
     count: usize,
 }
 
-// SAFETY: the handles are reference counted objects of a library that may be used from any thread.
+// SAFETY: the handles are reference counted objects of a library that is usable from any thread.
 unsafe impl Send for Scene {}
-// SAFETY: the only calls through a shared scene are queries, which may run on any number of threads once a scene is
-// committed, and nothing changes one that is.
+// SAFETY: the only calls through a shared scene are queries, which may run on any number of threads after the commit, and nothing
+// changes a committed scene.
 unsafe impl Sync for Scene {}
 
 impl Input {
-    /// Copies a mesh. Builds over it will have so many threads, or as many as any device before had: Embree's threads
-    /// are the process's, and do not become fewer. A run times one number of threads only.
+    /// Copies a mesh. Builds run on `threads` threads, or on the greatest number of any device before: Embree's threads belong to
+    /// the process and do not become fewer. So a run times one number of threads only.
     pub(super) fn new(
         mesh: &Mesh,
         quality: Quality,
@@ -397,10 +395,10 @@ impl Input {
     ) -> anyhow::Result<Self> {
         let functions = functions()?;
         let config = CString::new(format!("threads={threads},set_affinity=0"))?;
-        // SAFETY: the text ends with 0 and outlives the call, which copies what it needs.
+        // SAFETY: the text ends with 0 and outlives the call, which copies it.
         let device = unsafe { (functions.new_device)(config.as_ptr()) };
-        anyhow::ensure!(!device.is_null(), "Embree gives no device");
-        // SAFETY: the device is valid; the function may be called from any thread and uses no data of its caller.
+        anyhow::ensure!(!device.is_null(), "Embree creates no device");
+        // SAFETY: the device is valid; the function is callable from any thread and uses no data of its caller.
         unsafe { (functions.monitor_memory)(device, note_memory, ptr::null_mut()) };
         // SAFETY: the device is valid.
         let scene = unsafe { (functions.new_scene)(device) };
@@ -413,7 +411,7 @@ impl Input {
         unsafe { (functions.set_scene_quality)(scene, of_scene as c_int) };
         // SAFETY: the scene is valid, and the flags are of its enumeration.
         unsafe { (functions.set_scene_flags)(scene, purpose as c_int) };
-        // Embree has no buffers of nothing.
+        // Embree has no empty buffers.
         if !mesh.is_empty() {
             handles.attach(mesh, of_mesh)?;
         }
@@ -421,7 +419,7 @@ impl Input {
         Ok(Self(handles))
     }
 
-    /// Adds one more mesh, whose vertices may be changed.
+    /// Adds another mesh, whose vertices may change.
     pub(super) fn add(self, mesh: &Mesh, quality: Quality) -> anyhow::Result<Moving> {
         let Self(handles) = self;
         let (geometry, vertices) = handles.attach(mesh, quality)?;
@@ -442,12 +440,12 @@ impl Input {
         Ok(moving)
     }
 
-    /// Builds. This is what is timed.
+    /// Builds: the timed part.
     pub(super) fn commit(self) -> anyhow::Result<Scene> {
         let Self(handles) = self;
         let before = BYTES_IN_USE.load(Ordering::Relaxed);
         BYTES_AT_PEAK.store(before, Ordering::Relaxed);
-        // SAFETY: the scene is valid, and nobody else has it.
+        // SAFETY: the scene is valid and not shared.
         unsafe { (handles.functions.commit_scene)(handles.scene) };
         handles.check()?;
         let grown = |to: &AtomicIsize| to.load(Ordering::Relaxed).saturating_sub(before).max(0);
@@ -460,7 +458,7 @@ impl Input {
 }
 
 impl Handles {
-    /// Adds the mesh to the scene, and tells which geometry it is, which the scene keeps, and where its vertices are.
+    /// Adds the mesh to the scene, and returns its geometry, which the scene keeps, and its vertex buffer.
     fn attach(&self, mesh: &Mesh, quality: Quality) -> anyhow::Result<(Handle, *mut [f32; 3])> {
         let functions = self.functions;
         // SAFETY: the device is valid.
@@ -484,7 +482,7 @@ impl Handles {
         copied
     }
 
-    /// Gives a geometry a buffer, and tells where it is, with a copy of `values`, whose layout is `format`: triples of 4 bytes.
+    /// Adds a buffer to a geometry with a copy of `values`, triples of 4 bytes in the layout `format`, and returns its address.
     fn fill<T: Copy>(
         &self,
         geometry: Handle,
@@ -495,16 +493,16 @@ impl Handles {
         const STRIDE: usize = 12;
         assert_eq!(size_of::<[T; 3]>(), STRIDE, "triples of 4 bytes");
         let new_buffer = self.functions.new_buffer;
-        // SAFETY: the geometry is valid; the buffer is one that triangles have, in its one format.
+        // SAFETY: the geometry is valid; the buffer is one of triangles, in its only format.
         let place = unsafe { new_buffer(geometry, buffer, 0, format, STRIDE, values.len()) };
         anyhow::ensure!(!place.is_null(), "Embree has no memory for the mesh");
-        // SAFETY: the buffer is new, so it overlaps nothing, and was made for this many values of this size; Embree
-        // aligns buffers to 16 bytes or more.
+        // SAFETY: the buffer is new, so it overlaps nothing, and has room for these values; Embree aligns buffers to 16 bytes or
+        // more.
         unsafe { ptr::copy_nonoverlapping(values.as_ptr(), place.cast(), values.len()) };
         Ok(place.cast())
     }
 
-    /// The first error since this was last asked.
+    /// The first error since the last check.
     fn check(&self) -> anyhow::Result<()> {
         // SAFETY: the device is valid.
         let code = unsafe { (self.functions.device_error)(self.device) };
@@ -515,7 +513,7 @@ impl Handles {
 }
 
 impl Moving {
-    /// Moves the vertices of the second mesh, and makes the scene fit: this is what is timed.
+    /// Moves the vertices of the second mesh and updates the scene: the timed part.
     pub(super) fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()> {
         anyhow::ensure!(
             positions.len() == self.count,
@@ -524,14 +522,14 @@ impl Moving {
         let Handles {
             functions, scene, ..
         } = self.scene.handles;
-        // SAFETY: the buffer was made for so many positions and lives as long as the geometry, which the scene keeps; no
-        // query or build looks at it while this has the scene alone.
+        // SAFETY: the buffer has room for `count` positions and lives as long as the geometry, which the scene keeps; no query or
+        // build reads it during this exclusive borrow.
         unsafe { ptr::copy_nonoverlapping(positions.as_ptr(), self.vertices, positions.len()) };
         // SAFETY: the geometry has this buffer.
         unsafe { (functions.update_buffer)(self.geometry, VERTEX_BUFFER, 0) };
         // SAFETY: the geometry is valid.
         unsafe { (functions.commit_geometry)(self.geometry) };
-        // SAFETY: the scene is valid, and nobody else has it.
+        // SAFETY: the scene is valid and not shared.
         unsafe { (functions.commit_scene)(scene) };
         self.scene.handles.check()
     }
@@ -557,14 +555,14 @@ impl Scene {
         unsafe { (functions.intersect1)(scene, context, ray) }
     }
 
-    /// The first hits of one ray; none in a scene that is not [`Purpose::Filtered`].
+    /// The first hits of one ray; none unless the scene is [`Purpose::Filtered`].
     #[inline]
     pub(super) fn first_hits<'a>(&self, found: &'a mut FirstHits, ray: &mut RayHit1) -> &'a [Hit] {
         let Handles {
             functions, scene, ..
         } = self.handles;
         found.count = 0;
-        // SAFETY: as for `intersect1`; the pointer is to all that the filter of the context takes it for.
+        // SAFETY: as for `intersect1`; the pointer is to the whole `FirstHits` that the filter of the context expects.
         unsafe { (functions.intersect1)(scene, ptr::from_mut(found).cast(), ray) };
         &found.nearest[..found.count]
     }
@@ -585,7 +583,7 @@ impl Scene {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: as for `intersect1`; the lanes are as many as the rays and aligned like them.
+        // SAFETY: as for `intersect1`; there is a lane for each ray, with the same alignment.
         unsafe { (functions.intersect8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
     }
 
@@ -609,7 +607,7 @@ mod tests {
     #[test]
     fn without_the_library_the_message_says_how_to_install_it() {
         let missing = load(&["libembree-that-is-not-there.so".into()])
-            .expect_err("there is no such library")
+            .expect_err("no such library exists")
             .to_string();
         for part in [
             "libembree-that-is-not-there.so",
@@ -638,7 +636,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_of_many_hits_are_kept_in_order() {
+    fn the_nearest_hits_are_kept_in_order() {
         let mut found = FirstHits::none();
         let mut noted = |distances: &[f32]| {
             for (triangle, t) in (0..).zip(distances) {

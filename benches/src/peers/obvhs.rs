@@ -1,9 +1,10 @@
-//! The crate `obvhs`: a binary and a compressed wide BVH, with the crate's own triangles in the order of the leaves, as
-//! its examples have them.
+//! The crate `obvhs`: a binary and a compressed wide BVH, with the crate's own triangles in the order of the leaves, as in its
+//! examples.
 
 use std::time::Duration;
 
 use kd::{Hit, Mesh, Ray};
+use kd_trace::RayQuery;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
@@ -11,10 +12,11 @@ use obvhs::ray::RayHit;
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::rust::{self, SingleRays};
-use crate::structure::{BuilderName, Built};
+use super::rust;
+use crate::names::BuilderName;
+use crate::structure::{Built, restarted_hits};
 
-/// A tree of the crate with what its leaves refer to.
+/// A tree of the crate with the triangles of its leaves.
 struct Obvhs<Tree> {
     tree: Tree,
     triangles: Vec<RtTriangle>,
@@ -22,11 +24,11 @@ struct Obvhs<Tree> {
     numbers: Vec<u32>,
 }
 
-/// Builds with one of the crate's presets. The fastest one gives the binary tree, which is what builds fast; the
-/// others the wide one, which is what traces fast.
+/// Builds with one of the crate's presets. The fastest one gives the binary tree, which builds fast; the others the wide one,
+/// which traces fast.
 pub(super) fn build(builder: BuilderName, mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
     let triangles = triangles_of(mesh);
-    // The crate adds the time of its core to a sum; ours takes in all that is needed to trace.
+    // The crate adds the time of its core to a sum; our time covers everything before the first ray.
     let core_time = || Duration::ZERO;
     let wide = |preset| {
         rust::build(threads, || {
@@ -73,8 +75,8 @@ impl<Tree> Obvhs<Tree> {
     }
 }
 
-/// The crate's ray, and the length by which its `t` is to be divided. The wide tree leaves out boxes nearer than a
-/// fixed `t`, which suits directions of unit length alone.
+/// The crate's ray, and the divisor of its `t`. The wide tree skips boxes nearer than a fixed `t`, which is right only for
+/// directions of unit length.
 #[inline]
 fn ray_of(ray: &Ray) -> (obvhs::ray::Ray, f32) {
     let squared = ray.direction.length_squared();
@@ -89,12 +91,14 @@ fn ray_of(ray: &Ray) -> (obvhs::ray::Ray, f32) {
     (unit, length)
 }
 
-/// Both trees have the same queries, but no trait that says so.
+/// Both trees have the same queries without a common trait.
 macro_rules! trace_through {
     ($tree:ty) => {
-        impl SingleRays for Obvhs<$tree> {
+        impl RayQuery for Obvhs<$tree> {
+            type Hit = Hit;
+
             #[inline]
-            fn closest(&self, ray: &Ray) -> Option<Hit> {
+            fn intersect(&self, ray: &Ray) -> Option<Hit> {
                 let mut found = RayHit::none();
                 let (ray, length) = ray_of(ray);
                 let test = |ray: &obvhs::ray::Ray, at: usize| self.triangles[at].intersect(ray);
@@ -103,10 +107,14 @@ macro_rules! trace_through {
             }
 
             #[inline]
-            fn any(&self, ray: &Ray) -> bool {
+            fn occluded(&self, ray: &Ray) -> bool {
                 let (ray, _) = ray_of(ray);
                 let test = |ray: &obvhs::ray::Ray, at: usize| self.triangles[at].intersect(ray);
                 !self.tree.ray_traverse_miss(ray, test)
+            }
+
+            fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+                restarted_hits(self, ray, max, out);
             }
         }
     };

@@ -1,77 +1,75 @@
-//! The first hits of rays: ours, what they can be compared with, and whether they are right.
+//! The first hits of rays: ours, the baselines, and checks of both.
 
-use kd::{KdTree, Ray};
+use kd::{Hit, KdTree, Ray};
+use kd_trace::RayQuery;
 
 use crate::check::are_close;
-use crate::measure::{Pairs, Repeats, in_pairs};
-use crate::structure::{Distances, FIRST, OrderedHits, distances_of};
+use crate::measure::{Pairs, Repeats, in_sure_pairs};
+use crate::structure::{FIRST, restarted_hits};
 
-impl OrderedHits for KdTree {
-    fn first(&self, rays: &[Ray], distances: &mut [Distances]) {
-        let mut hits = Vec::with_capacity(FIRST);
-        for (ray, distances) in rays.iter().zip(distances) {
-            self.hits(ray, FIRST, &mut hits);
-            *distances = distances_of(&hits);
-        }
-    }
-}
+/// The distances of the first hits of a ray, in order; ∞ for missing ones.
+pub(super) type Distances = [f32; FIRST];
 
-/// What one does without such a query: another ray from just behind each closest hit. It sees one of several hits at the
-/// same distance.
+/// The way without a query for several hits: [`restarted_hits`].
 #[derive(Debug)]
 pub(super) struct Restarting<'a>(pub(super) &'a KdTree);
 
-impl OrderedHits for Restarting<'_> {
-    fn first(&self, rays: &[Ray], distances: &mut [Distances]) {
-        let Self(tree) = self;
-        for (ray, distances) in rays.iter().zip(distances) {
-            let mut rest = *ray;
-            *distances = [f32::INFINITY; FIRST];
-            for distance in distances {
-                let Some(hit) = tree.intersect(&rest) else {
-                    break;
-                };
-                *distance = hit.t;
-                rest.t_min = hit.t.next_up();
-            }
-        }
+impl RayQuery for Restarting<'_> {
+    type Hit = Hit;
+
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.0.intersect(ray)
+    }
+
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.0.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        restarted_hits(self.0, ray, max, out);
     }
 }
 
-/// Times `own`, each time after `other`, and gives what both found at last, in that order.
+/// Times `own`, each time after `other`, and returns the hits of both, in that order.
 pub(super) fn time(
     repeats: Repeats,
     rays: &[Ray],
-    own: &dyn OrderedHits,
-    other: &dyn OrderedHits,
+    own: &dyn RayQuery<Hit = Hit>,
+    other: &dyn RayQuery<Hit = Hit>,
 ) -> (Pairs, [Vec<Distances>; 2]) {
     let mut found = [(); 2].map(|()| vec![[f32::INFINITY; FIRST]; rays.len()]);
     let [by_own, by_other] = &mut found;
-    let traced = |hits: &dyn OrderedHits, distances: &mut [Distances]| {
-        hits.first(rays, distances);
-        Ok::<(), std::convert::Infallible>(())
+    let trace = |query: &dyn RayQuery<Hit = Hit>, all: &mut [Distances]| {
+        let mut hits = Vec::with_capacity(FIRST);
+        for (ray, distances) in rays.iter().zip(all) {
+            query.hits(ray, FIRST, &mut hits);
+            *distances = [f32::INFINITY; FIRST];
+            for (distance, hit) in distances.iter_mut().zip(&hits) {
+                *distance = hit.t;
+            }
+        }
     };
-    let Ok(pairs) = in_pairs(repeats, || traced(other, by_other), || traced(own, by_own));
+    let pairs = in_sure_pairs(repeats, || trace(other, by_other), || trace(own, by_own));
     (pairs, found)
 }
 
-/// The hits that there are.
+/// The finite distances.
 fn known(distances: &Distances) -> &[f32] {
     let count = distances.iter().take_while(|t| **t < f32::INFINITY).count();
     &distances[..count]
 }
 
-/// Whether hits are what restarted rays find, to the bit, but for those at one distance.
+/// Whether hits equal those of restarted rays, to the bit, except several at one distance.
 pub(super) fn are_those_of_restarted(hits: &Distances, restarted: &Distances) -> bool {
     let mut different = known(hits).to_vec();
     different.dedup();
     let restarted = known(restarted);
-    // Where there are fewer hits than asked for, there must be no others.
+    // Fewer hits than requested must be all hits.
     let is_cut_off = known(hits).len() == FIRST;
     restarted.starts_with(&different) && (is_cut_off || restarted.len() == different.len())
 }
 
-/// Whether a rival sees the same hits, as far as libraries with other triangle tests can be compared.
+/// Whether a rival, whose triangle test is another one, finds the same hits.
 pub(super) fn agree(ours: &Distances, theirs: &Distances) -> bool {
     let (ours, theirs) = (known(ours), known(theirs));
     let mut pairs = ours.iter().zip(theirs);
@@ -80,8 +78,6 @@ pub(super) fn agree(ours: &Distances, theirs: &Distances) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use kd::{BuildOptions, Mesh};
 
     use super::*;
@@ -109,11 +105,7 @@ mod tests {
             Ray::new([3.5, 0.0, 0.0], [1.0, 0.0, 0.0]),
             Ray::new([0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
         ];
-        let one = Repeats {
-            pairs: 1,
-            until: Duration::MAX,
-        };
-        let (pairs, [ours, restarted]) = time(one, &rays, &tree, &Restarting(&tree));
+        let (pairs, [ours, restarted]) = time(Repeats::all(1), &rays, &tree, &Restarting(&tree));
         assert_eq!((pairs.own.len(), pairs.baseline.len()), (1, 1), "timed");
         assert_eq!(
             ours,

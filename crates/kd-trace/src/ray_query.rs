@@ -78,6 +78,41 @@ pub trait RayQuery {
     }
 }
 
+/// A borrowed structure answers as the structure does.
+impl<Q: RayQuery + ?Sized> RayQuery for &Q {
+    type Hit = Q::Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Q::Hit> {
+        (**self).intersect(ray)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        (**self).occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Q::Hit>) {
+        (**self).hits(ray, max, out);
+    }
+
+    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Q::Hit>]) {
+        (**self).intersect_batch(rays, hits);
+    }
+
+    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+        (**self).occluded_batch(rays, occluded);
+    }
+
+    fn intersect8(&self, packet: &RayPacket8) -> [Option<Q::Hit>; 8] {
+        (**self).intersect8(packet)
+    }
+
+    fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+        (**self).occluded8(packet)
+    }
+}
+
 impl RayQuery for PackedTree {
     type Hit = Hit;
 

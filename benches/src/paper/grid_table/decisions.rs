@@ -1,4 +1,4 @@
-//! How good decisions are: what is chosen for a budget of rays, against what would have been best.
+//! The quality of decisions: the structure chosen for a budget of rays, compared with the best one.
 
 use kd_select::paper::{self, EPSILON, Hierarchy};
 use kd_select::sample::HARDLY_ANY;
@@ -7,22 +7,22 @@ use kd_select::{Choice, Estimator, RayScheme, Structure as Kind, Times};
 use super::measure::Measured;
 use super::table::{KD, critical_rays, name};
 use super::{of_scheme, rays_text};
-use crate::goals::{Goal, Row, Table, arithmetic_mean, maximum, minimum};
+use crate::view::{Goal, Row, Table, arithmetic_mean, maximum, minimum};
 
 /// Budgets of each scene, from a tenth of its true break-even to ten times that.
 const BUDGETS: i32 = 9;
-/// Within so much of the best is as good as it.
+/// The factor over the best total that counts as good.
 const AS_GOOD: f64 = 1.1;
 
-/// A way to decide.
+/// A rule of decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rule {
-    /// The least total by estimates from what the grid tells, which is always tried, calibrated on this machine.
+    /// The least total by estimates from a grid that is always tried, calibrated on this machine.
     Widened,
-    /// As `Accel::auto_by` does it, calibrated on this machine: the grid is tried only where it is mostly best, and once it is
-    /// there it need not be built.
+    /// The rule of `Accel::auto_by`, calibrated on this machine: the grid is tried only where it is mostly best; a tried grid
+    /// need not be built again.
     Thrifty,
-    /// As `Accel::auto` does it: the same by the calibration of another machine, of which only ratios count.
+    /// The rule of `Accel::auto`: the same by the calibration of another machine, of which only ratios count.
     Foreign,
     /// The paper's eight steps.
     Paper,
@@ -57,7 +57,7 @@ impl Rule {
     }
 }
 
-/// What a rule chose for a budget, against what would have been best.
+/// The choice of a rule for a budget, compared with the best.
 #[derive(Clone, Debug)]
 struct Case {
     scene: String,
@@ -66,9 +66,9 @@ struct Case {
     best: Kind,
     /// The total of the one over that of the other.
     over_best: f64,
-    /// The same with what it took to tell: the sample of rays, and the grid if it is not kept.
+    /// The same with the cost of the decision: the sample of rays, and the grid if it is not kept.
     over_best_all_paid: f64,
-    /// The same, had there been the grid and the kd-tree of the table alone.
+    /// The same, compared with the better of the grid and the kd-tree of the table.
     over_best_of_two: f64,
 }
 
@@ -76,12 +76,12 @@ struct Case {
 #[derive(Clone, Debug)]
 pub(super) struct Decisions {
     of_rules: Vec<Vec<Case>>,
-    /// Scenes whose grid is as fast for rays as their kd-tree.
+    /// Scenes whose rays are as fast in the grid as in the kd-tree.
     without_break_even: usize,
 }
 
 impl Decisions {
-    /// Scene by scene, with all scenes of its family left out of the calibration.
+    /// By scene, with all scenes of its family left out of the calibration.
     pub(super) fn of(measured: &[Measured], scheme: RayScheme) -> Self {
         let scenes = of_scheme(measured, scheme);
         let mut decisions = Self {
@@ -116,7 +116,7 @@ impl Decisions {
         decisions
     }
 
-    /// The worst case of what is chosen among all.
+    /// The worst case of the choice among all.
     pub(super) fn worst(&self, scheme: RayScheme) -> String {
         let cases = &self.of_rules[0];
         let worst = cases
@@ -173,7 +173,7 @@ impl Case {
     }
 }
 
-/// What a rule chooses, and whether it tries a grid for that.
+/// The choice of a rule, and whether it tries a grid for it.
 fn choose(
     rule: Rule,
     scene: &Measured,
@@ -205,7 +205,7 @@ fn choose(
                 .iter()
                 .map(|other| (other.triangles(), other.times(KD)));
             let hierarchy = Hierarchy::estimate(calibration, features.triangles);
-            let hierarchy = hierarchy.expect("there are others");
+            let hierarchy = hierarchy.expect("other scenes are measured");
             let decision = paper::decide(grid.ray_seconds, &hierarchy, rays, EPSILON);
             if decision.keeps_grid() {
                 Kind::Grid
@@ -224,7 +224,7 @@ fn least(costs: &[(Kind, Times)], rays: f64) -> Kind {
     choice.expect("some structures").structure
 }
 
-/// How often each rule is as good as the best, and how much it loses, by kind of rays.
+/// The share of good decisions of each rule, and its losses, by kind of rays.
 pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
     let mut rows = Vec::new();
     for (number, rule) in RULES.into_iter().enumerate() {
@@ -253,7 +253,7 @@ pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
         };
         add("the best", goal, |case| case.over_best);
         if matches!(rule, Rule::Widened | Rule::Thrifty | Rule::Foreign) {
-            let what = "the best, telling included";
+            let what = "the best, decision included";
             add(what, Goal::None, |case| case.over_best_all_paid);
         }
         if rule == Rule::Paper {
@@ -283,7 +283,7 @@ mod tests {
             value("chosen among all, over the best: within 10 %, %") > 95.0,
             "{table}"
         );
-        // Between the break-even with the grid paid for and that of totals it loses a little.
+        // It loses a little between the break-even without the cost of the grid and that of totals.
         let paper = value("the paper's rule, over the better of two: worst");
         assert!(paper < 1.1, "{table}");
         assert!(
@@ -294,7 +294,7 @@ mod tests {
             value("always grid, over the best: within 10 %, %") < 60.0,
             "{table}"
         );
-        let in_vain = value("chosen among all, over the best, telling included: mean");
+        let in_vain = value("chosen among all, over the best, decision included: mean");
         assert!(
             in_vain > value("chosen among all, over the best: mean"),
             "{table}"

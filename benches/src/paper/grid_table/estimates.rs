@@ -1,4 +1,4 @@
-//! Figures 1 and 2: how far the estimate of R_C is off, by the number of scenes that it is calibrated on.
+//! Figures 1 and 2: errors of the estimate of R_C, by the number of scenes of its calibration.
 
 use kd_select::paper::{EPSILON, Hierarchy};
 use kd_select::{Estimator, RayScheme, Structure as Kind};
@@ -6,24 +6,24 @@ use kd_select::{Estimator, RayScheme, Structure as Kind};
 use super::measure::Measured;
 use super::of_scheme;
 use super::table::{KD, name};
-use crate::plots::{Axis, LinePlot};
+use crate::plots::{Axis, XyPlot};
 use crate::sampling::Random;
 
-/// The widened estimate is fitted for so many times fewer combinations: it takes longer, and less of them is enough.
+/// The widened estimate, which takes longer, is fitted for a fraction 1 / `FEWER` of the combinations.
 const FEWER: usize = 20;
 
-/// Where the kd-tree's rays are estimated to be hardly any faster than the grid's, R_C is beyond all bounds, and so would be a mean
-/// with it in. Estimates of more than so many times R_C are counted, and left out of means.
+/// Where the estimated rays of the kd-tree are hardly faster than the grid's, the estimate of R_C is unbounded, and so would be a
+/// mean with it. Estimates of more than `FAR_OFF` times R_C are counted, and left out of means.
 const FAR_OFF: f64 = 10.0;
 
-/// Errors in per cent of R_C, for each number of scenes of a calibration from one on.
+/// Errors in per cent of R_C, for calibrations of one scene, of two and more.
 #[derive(Clone, Debug)]
 pub(super) struct Estimates {
     scheme: RayScheme,
     /// The paper's estimate: its mean error, and the mean of the sizes of its errors.
     paper: Vec<[f64; 2]>,
     widened: Vec<[f64; 2]>,
-    /// The part of the paper's estimates and of the widened ones, in per cent, that are beyond [`FAR_OFF`].
+    /// The share of the paper's estimates and of the widened ones, in per cent, that are beyond [`FAR_OFF`].
     missed: [f64; 2],
 }
 
@@ -48,13 +48,13 @@ impl Errors {
         self.count += 1.0;
     }
 
-    /// Adds how many there are of another calibration, and how many of them are left out.
+    /// Adds the counts of another calibration.
     fn add_counts(&mut self, others: &Self) {
         self.missed += others.missed;
         self.count += others.count;
     }
 
-    /// The part that is left out, in per cent.
+    /// The share that is left out, in per cent.
     fn missed_share(&self) -> f64 {
         100.0 * self.missed / (self.missed + self.count).max(1.0)
     }
@@ -155,7 +155,7 @@ fn widened_estimate(estimator: &Estimator, scene: &Measured) -> f64 {
     hierarchy.critical_rays(grid.ray_seconds, EPSILON)
 }
 
-/// R_C as the decision has it, with the grid paid for, from what was measured.
+/// The R_C of the decision, without the cost of the grid, as measured.
 fn once_built(scene: &Measured) -> Option<f64> {
     let kd = scene.times(KD);
     let measured = Hierarchy {
@@ -170,7 +170,7 @@ fn once_built(scene: &Measured) -> Option<f64> {
 pub(super) fn to_svg(estimates: &[Estimates; 2]) -> anyhow::Result<String> {
     let mut lines = Vec::new();
     for of_scheme in estimates {
-        // Short, since names stand beside the plot.
+        // Short, since names are beside the plot.
         let rays = match of_scheme.scheme {
             RayScheme::Random => "random",
             RayScheme::Path => "paths",
@@ -185,11 +185,12 @@ pub(super) fn to_svg(estimates: &[Estimates; 2]) -> anyhow::Result<String> {
         lines.push(line("|error|", &of_scheme.paper, 1));
         lines.push(line("widened |error|", &of_scheme.widened, 1));
     }
-    let plot = LinePlot {
+    let plot = XyPlot {
         x_axis: "scenes of the calibration",
         y_axis: "error of the estimate of R_C, %",
         scale: Axis::Linear,
         lines,
+        points: Vec::new(),
     };
     plot.to_svg()
 }
@@ -216,7 +217,7 @@ mod tests {
         assert!(none.contains("too few scenes"), "{none}");
     }
 
-    /// Some scenes whose trees are far better than all laws say: estimates find no R_C there.
+    /// Some scenes have far better trees than the laws predict: estimates find no R_C there.
     #[test]
     fn what_is_left_out_of_means_is_counted() {
         let mut scenes = lawful_scenes(RayScheme::Path);
@@ -231,10 +232,10 @@ mod tests {
         assert!(paper > 0.0 && widened > 0.0, "{paper} and {widened} %");
         assert_ne!(paper, widened, "each has a number of its own");
         let summary = estimates.summary(RayScheme::Path);
-        let told = format!(
+        let expected = format!(
             "{paper:.1} % of all of the former and {widened:.1} % of the latter are more than ten times R_C, and in no mean"
         );
-        assert!(summary.ends_with(&told), "{summary}");
+        assert!(summary.ends_with(&expected), "{summary}");
     }
 
     #[test]

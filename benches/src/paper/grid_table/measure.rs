@@ -1,26 +1,27 @@
-//! Taking the times of the table.
+//! The measurements of the table.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use kd::{BuildOptions, Hit, LazyTree, Mesh, Ray};
+use kd::{BuildOptions, LazyTree, Mesh};
 use kd_grid::{GridOptions, UniformGrid};
 use kd_select::sample::{self, Run, Tried};
 use kd_select::{Features, MeasuredScene, Opening, RayScheme, Structure as Kind, Times};
 
 use super::PaperArgs;
 use super::rays::{self, Answered, Rays};
-use super::scenes::GridScene;
-use crate::record::{Steps, median};
-use crate::structure::{BuilderName, LayoutName, Shape, Structure, StructureName, Variant};
+use crate::names::{BuilderName, LayoutName, StructureName, Variant};
+use crate::record::median;
+use crate::scenes::SceneSource;
+use crate::structure::{Manner, Queried, Shape, Structure};
 
-/// How much is measured.
+/// The amount of work.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Settings {
     repeats: usize,
     random_rays: usize,
-    /// Pixels along the side of the picture whose paths are traced.
+    /// Pixels along the side of the path-traced picture.
     side: u32,
     /// Random combinations of scenes for each size of a calibration.
     pub(super) combinations: usize,
@@ -31,63 +32,44 @@ pub(super) struct Settings {
 pub(super) struct Measured {
     pub(super) family: String,
     pub(super) scene: MeasuredScene,
-    /// What the decision knows of the grid: how long it took to build, once, and what a sample of rays told.
+    /// What the decision knows of the grid: the time of one build, and the result of a sample of rays.
     tried_build_seconds: f64,
     pub(super) tried: Tried,
 }
 
-/// A lazy tree is looked at after one in so many rays, too.
+/// A lazy tree is also measured after one of this number of rays.
 const EARLY: usize = 16;
 
-/// The structures that are built before rays are asked.
+/// The structures that are built before their first ray.
 const BUILT: [(Kind, Variant); 5] = [
     (
         Kind::Grid,
-        variant(StructureName::Grid, BuilderName::Exact, LayoutName::Own),
+        Variant::own(StructureName::Grid, BuilderName::Exact),
     ),
     (
         Kind::Objects,
-        variant(StructureName::Bvh, BuilderName::Objects, LayoutName::Wide),
+        Variant::bvh(BuilderName::Objects, LayoutName::Wide),
     ),
-    (
-        Kind::Fast,
-        variant(StructureName::Kd, BuilderName::Fast, LayoutName::Wide),
-    ),
+    (Kind::Fast, Variant::kd(BuilderName::Fast, LayoutName::Wide)),
     (
         Kind::Balanced,
-        variant(StructureName::Kd, BuilderName::Balanced, LayoutName::Wide),
+        Variant::kd(BuilderName::Balanced, LayoutName::Wide),
     ),
-    (
-        Kind::Best,
-        variant(StructureName::Kd, BuilderName::Best, LayoutName::Wide),
-    ),
+    (Kind::Best, Variant::kd(BuilderName::Best, LayoutName::Wide)),
 ];
-
-const fn variant(structure: StructureName, builder: BuilderName, layout: LayoutName) -> Variant {
-    Variant {
-        structure,
-        builder,
-        layout,
-    }
-}
 
 impl Settings {
     pub(super) fn new(arguments: &PaperArgs) -> Self {
-        let repeats = arguments.samples;
-        if arguments.smoke {
-            Self {
-                repeats,
-                random_rays: 1 << 10,
-                side: 24,
-                combinations: 50,
-            }
+        let (random_rays, side, combinations) = if arguments.smoke {
+            (1 << 10, 24, 50)
         } else {
-            Self {
-                repeats,
-                random_rays: 1 << 15,
-                side: 96,
-                combinations: 5000,
-            }
+            (1 << 15, 96, 5000)
+        };
+        Self {
+            repeats: arguments.samples,
+            random_rays,
+            side,
+            combinations,
         }
     }
 }
@@ -125,25 +107,25 @@ struct Runs {
     rays: [Vec<f64>; 2],
 }
 
-/// The scene with each kind of rays; none if it has nothing to hit.
+/// The scene with each kind of rays; empty for a scene without triangles.
 pub(super) fn measure(
-    source: &GridScene,
+    source: &SceneSource,
     settings: &Settings,
     problems: &mut Vec<String>,
 ) -> anyhow::Result<Vec<Measured>> {
-    let loaded = source.load()?;
+    let (loaded, description) = source.load_described()?;
     if loaded.mesh.is_empty() {
         return Ok(Vec::new());
     }
-    let kinds = [
-        rays::random(&loaded, settings.random_rays),
-        rays::path_traced(&loaded.description, settings.side)?,
-    ];
     let mesh = &loaded.mesh;
+    let kinds = [
+        rays::random(mesh, settings.random_rays),
+        rays::path_traced(&description, settings.side)?,
+    ];
     let stats = UniformGrid::build(Arc::clone(mesh), &GridOptions::new())?.stats();
 
     let mut runs: BTreeMap<Kind, Runs> = BTreeMap::new();
-    // Those of the last run.
+    // Of the last run.
     let mut sampled = [(0.0, Tried::default()); 2];
     let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
@@ -160,15 +142,15 @@ pub(super) fn measure(
                     let tried = try_grid(structure, rays, built.seconds);
                     sampled[number] = (built.seconds, tried);
                 }
-                let seconds = seconds_of(structure, rays, &mut answers[number]);
+                let seconds = seconds_of(structure, SINGLE, rays, &mut answers[number]);
                 of_kind.rays[number].push(seconds);
                 hit_shares[number] = answers[number].hit_share();
             }
             let expected = expected.get_or_insert_with(|| answers.clone());
             if repeat == 0 && answers != *expected {
                 problems.push(format!(
-                    "{}: {kind} answers otherwise than a kd-tree",
-                    loaded.name
+                    "{}: answers of {kind} differ from a kd-tree's",
+                    source.name
                 ));
             }
         }
@@ -186,11 +168,11 @@ pub(super) fn measure(
         let mut times: BTreeMap<Kind, Times> = built.collect();
         times.insert(Kind::Lazy, middle(&lazy[number]));
         Measured {
-            family: loaded.family.clone(),
+            family: source.family().to_owned(),
             tried_build_seconds: sampled[number].0,
             tried: sampled[number].1,
             scene: MeasuredScene {
-                scene: loaded.name.clone(),
+                scene: source.name.clone(),
                 rays: scheme,
                 features: Features::new(&stats, hit_shares[number]),
                 times,
@@ -200,12 +182,12 @@ pub(super) fn measure(
     Ok(measured.collect())
 }
 
-/// Tries a grid as `Accel` does it, with rays of a whole picture for those that a user would give.
+/// Tries a grid as `Accel` does, with rays of a whole picture in place of a user's.
 fn try_grid(structure: &dyn Structure, rays: &Rays, build_seconds: f64) -> Tried {
     let runs = rays.runs();
     Tried::ask(runs.len(), sample::RAYS as u64, build_seconds, |place| {
         let mut answers = Answered::default();
-        let seconds = seconds_of(structure, &runs[place], &mut answers);
+        let seconds = seconds_of(structure, SINGLE, &runs[place], &mut answers);
         Run {
             rays: runs[place].len(),
             hits: answers.hits(),
@@ -214,29 +196,29 @@ fn try_grid(structure: &dyn Structure, rays: &Rays, build_seconds: f64) -> Tried
     })
 }
 
-fn seconds_of(structure: &dyn Structure, rays: &Rays, answers: &mut Answered) -> f64 {
-    // Room for answers is not what is measured.
+const SINGLE: Manner = Manner::Single;
+
+fn seconds_of(structure: &dyn Structure, by: Manner, rays: &Rays, answers: &mut Answered) -> f64 {
     *answers = Answered::default();
     let start = Instant::now();
-    rays.answer(structure, answers);
+    rays.answer(structure, by, answers);
     start.elapsed().as_secs_f64()
 }
 
-/// What a tree costs that is built where rays go: seconds until the first one may be asked, of rays once all is opened that they
-/// open, and of opening it.
+/// The costs of a lazy tree: seconds before the first ray, of rays once all cells that they enter are divided, and of the
+/// division of these cells.
 fn lazy_times(mesh: &Arc<Mesh>, rays: &Rays) -> anyhow::Result<Times> {
     let options = BuildOptions::balanced().with_threads(1);
     let start = Instant::now();
-    let tree = Lazy(LazyTree::new(Arc::clone(mesh), &options)?);
+    let tree = LazyTree::new(Arc::clone(mesh), &options)?;
     let build_seconds = start.elapsed().as_secs_f64();
-    let mut answers = Answered::default();
+    let tree = Queried::new(&tree, |_| Shape::default());
+    let trace = |rays: &Rays| seconds_of(&tree, Manner::Batch, rays, &mut Answered::default());
     let early = rays.spread(rays.len() / EARLY);
-    let first = seconds_of(&tree, &early, &mut answers);
-    let rest = seconds_of(&tree, rays, &mut answers);
-    let again = seconds_of(&tree, rays, &mut answers);
+    let (first, rest, again) = (trace(&early), trace(rays), trace(rays));
     let ray_seconds = again / rays.len() as f64;
     let early_rays = early.len() as f64;
-    // A clock that was disturbed may find less than nothing.
+    // Noise may make the difference negative.
     let opened_early = (first - early_rays * ray_seconds).max(0.0);
     let opened = (opened_early + rest - again).max(opened_early);
     let share = if opened > 0.0 {
@@ -244,7 +226,7 @@ fn lazy_times(mesh: &Arc<Mesh>, rays: &Rays) -> anyhow::Result<Times> {
     } else {
         1.0
     };
-    // Of 1 − exp(−early / rays) = share; a share of nothing or of all leaves room for the logarithm.
+    // From 1 − exp(−early / rays) = share; the clamp keeps the logarithm finite.
     let rays_of_opening = early_rays / -(1.0 - share).clamp(1e-6, 1.0 - 1e-6).ln();
     Ok(Times {
         build_seconds,
@@ -256,7 +238,7 @@ fn lazy_times(mesh: &Arc<Mesh>, rays: &Rays) -> anyhow::Result<Times> {
     })
 }
 
-/// The run whose total is in the middle.
+/// The run of median total.
 fn middle(runs: &[Times]) -> Times {
     const MANY: f64 = 1e4;
     let mut runs = runs.to_vec();
@@ -264,32 +246,7 @@ fn middle(runs: &[Times]) -> Times {
     runs[runs.len() / 2]
 }
 
-/// A lazy tree, asked like any other.
-struct Lazy(LazyTree);
-
-impl Structure for Lazy {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.0.intersect_batch(rays, hits);
-    }
-
-    fn any(&self, rays: &[Ray], hits: &mut [bool]) {
-        self.0.occluded_batch(rays, hits);
-    }
-
-    fn counted(&self, _: &Ray) -> Option<(Option<Hit>, Steps)> {
-        None
-    }
-
-    fn shape(&self) -> Shape {
-        Shape::unknown()
-    }
-
-    fn flaw(&self) -> Option<String> {
-        None
-    }
-}
-
-/// Scenes that follow the paper's two laws, each in two levels of detail, with rays that take several times as long in a grid.
+/// Scenes that follow the paper's two laws, each in two levels of detail, with rays that are several times slower in a grid.
 #[cfg(test)]
 pub(super) fn lawful_scenes(scheme: RayScheme) -> Vec<Measured> {
     let scene = |number: u32| {

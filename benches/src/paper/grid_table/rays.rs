@@ -2,24 +2,23 @@
 
 use std::sync::Mutex;
 
-use kd::{BuildOptions, Hit, Ray, Strategy};
+use kd::{BuildOptions, Hit, Mesh, Ray, Strategy};
 use kd_render::{FrameTracer, PartHit, RenderMethod, RenderOptions, Stage, Tracer, render};
 use kd_scene::SceneDescription;
 use kd_select::sample::RUN;
 use rayon::ThreadPoolBuilder;
 
-use super::scenes::Loaded;
 use crate::rays::{RayKind, RaySource};
-use crate::structure::Structure;
+use crate::structure::{Manner, Structure};
 
-/// Rays by what is asked about them.
+/// Rays by kind of query.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rays {
-    pub(super) closest: Vec<Ray>,
-    pub(super) any: Vec<Ray>,
+    closest: Vec<Ray>,
+    any: Vec<Ray>,
 }
 
-/// What was answered.
+/// The answers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Answered {
     closest: Vec<Option<Hit>>,
@@ -31,23 +30,20 @@ impl Rays {
         self.closest.len() + self.any.len()
     }
 
-    pub(super) fn answer(&self, structure: &dyn Structure, answered: &mut Answered) {
+    pub(super) fn answer(&self, structure: &dyn Structure, by: Manner, answered: &mut Answered) {
         answered.closest.resize(self.closest.len(), None);
         answered.any.resize(self.any.len(), false);
-        structure.closest(&self.closest, &mut answered.closest);
-        structure.any(&self.any, &mut answered.any);
+        structure.closest(by, &self.closest, &mut answered.closest);
+        structure.any(by, &self.any, &mut answered.any);
     }
 
-    /// About so many, in runs of neighbours spread evenly over all.
+    /// About `count` rays, in runs of neighbours spread evenly over all.
     pub(super) fn spread(&self, count: usize) -> Self {
         const NEIGHBOURS: usize = 64;
         let stride = self.len().div_ceil(count.max(1)).max(1);
         let some = |rays: &[Ray]| {
-            rays.chunks(NEIGHBOURS)
-                .step_by(stride)
-                .flatten()
-                .copied()
-                .collect()
+            let runs = rays.chunks(NEIGHBOURS).step_by(stride);
+            runs.flatten().copied().collect()
         };
         Self {
             closest: some(&self.closest),
@@ -55,37 +51,32 @@ impl Rays {
         }
     }
 
-    /// In runs of a few neighbours.
+    /// Runs of a few neighbours.
     pub(super) fn runs(&self) -> Vec<Self> {
-        let closest = self.closest.chunks(RUN).map(|rays| Self {
-            closest: rays.to_vec(),
-            any: Vec::new(),
-        });
-        let any = self.any.chunks(RUN).map(|rays| Self {
-            closest: Vec::new(),
-            any: rays.to_vec(),
-        });
-        closest.chain(any).collect()
+        let closest = self.closest.chunks(RUN).map(|rays| (rays.to_vec(), vec![]));
+        let any = self.any.chunks(RUN).map(|rays| (vec![], rays.to_vec()));
+        let runs = closest.chain(any);
+        runs.map(|(closest, any)| Self { closest, any }).collect()
     }
 }
 
 impl Answered {
-    /// How many rays hit.
+    /// The number of rays that hit.
     pub(super) fn hits(&self) -> usize {
         self.closest.iter().flatten().count() + self.any.iter().filter(|any| **any).count()
     }
 
-    /// The part of rays that hit.
+    /// The share of rays that hit.
     pub(super) fn hit_share(&self) -> f64 {
         self.hits() as f64 / (self.closest.len() + self.any.len()).max(1) as f64
     }
 }
 
 /// Through two random points of the bounding sphere.
-pub(super) fn random(scene: &Loaded, count: usize) -> Rays {
+pub(super) fn random(mesh: &Mesh, count: usize) -> Rays {
     let placeholder = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
     let source = RaySource {
-        mesh: &scene.mesh,
+        mesh,
         light: kd::glam::Vec3::ZERO,
         primary: &vec![placeholder; count],
         points: &[],
@@ -97,8 +88,8 @@ pub(super) fn random(scene: &Loaded, count: usize) -> Rays {
     }
 }
 
-/// Those of a path tracer that renders a picture of so many pixels along its side: closest hits of camera rays and of rays that
-/// surfaces scatter, three times each, and any hit of those to a light.
+/// Those of a path tracer over a picture of `side` pixels squared: closest hits of camera rays and of up to three scattered rays
+/// after each, and any hit of those to a light.
 pub(super) fn path_traced(scene: &SceneDescription, side: u32) -> anyhow::Result<Rays> {
     let stage = Stage::new(scene.clone(), BuildOptions::fast(), Strategy::default())?;
     let options = RenderOptions {
@@ -112,13 +103,13 @@ pub(super) fn path_traced(scene: &SceneDescription, side: u32) -> anyhow::Result
         tracer: stage.tracer(),
         rays: Mutex::default(),
     };
-    // On one thread, so that rays come in the same order always.
+    // On one thread, so that the order of rays is fixed.
     let pool = ThreadPoolBuilder::new().num_threads(1).build()?;
     pool.install(|| render(&stage, &recorder, &stage.camera(), &options, &|_| {}));
     Ok(recorder.rays.into_inner().expect("no thread panicked"))
 }
 
-/// Answers as another does, and writes down what was asked.
+/// A tracer that records the rays.
 struct Recorder<'a> {
     tracer: FrameTracer<'a>,
     rays: Mutex<Rays>,

@@ -1,15 +1,12 @@
-//! The scenes of the table: generated ones in two or three levels of detail, and the meshes of a folder.
+//! The scenes of the table: generated ones in several levels of detail, and the meshes of a folder.
 
-use std::sync::Arc;
-
-use kd::Mesh;
-use kd_scene::{Light, SceneDescription, Spd};
+use kd_scene::Spd;
 
 use super::PaperArgs;
-use crate::cli::UsageError;
+use crate::arguments::UsageError;
 use crate::scenes::{SceneSource, in_folder};
 
-/// As many as the paper has.
+/// The paper has 28 scenes, too.
 const GENERATED: [(Spd, &[u32]); 11] = [
     (Spd::Balls, &[1, 2, 3]),
     (Spd::Gears, &[2, 4, 6]),
@@ -24,7 +21,7 @@ const GENERATED: [(Spd, &[u32]); 11] = [
     (Spd::Jacks, &[2, 3, 4]),
 ];
 
-/// For a check that everything works.
+/// For a check that the command works.
 const SMOKE: [(Spd, &[u32]); 4] = [
     (Spd::Balls, &[1]),
     (Spd::Gears, &[1, 2]),
@@ -32,96 +29,30 @@ const SMOKE: [(Spd, &[u32]); 4] = [
     (Spd::Teapot, &[3]),
 ];
 
-/// A scene that has not been made or read yet.
-pub(super) enum GridScene {
-    Generated { spd: Spd, size: u32 },
-    File(SceneSource),
-}
-
-/// A scene as it is measured.
-pub(super) struct Loaded {
-    pub(super) name: String,
-    /// Scenes that differ in their level of detail alone are of one family.
-    pub(super) family: String,
-    pub(super) mesh: Arc<Mesh>,
-    /// For the path tracer.
-    pub(super) description: SceneDescription,
-}
-
-/// The generated ones and those of the folder, or those that are named.
-pub(super) fn choose(arguments: &PaperArgs) -> anyhow::Result<Vec<GridScene>> {
+/// The generated scenes and those of the folder, or the ones that are named.
+pub(super) fn choose(arguments: &PaperArgs) -> anyhow::Result<Vec<SceneSource>> {
     let generated = if arguments.smoke {
         SMOKE.as_slice()
     } else {
         &GENERATED
     };
     let sized = generated.iter().flat_map(|(spd, sizes)| {
-        sizes.iter().map(|size| GridScene::Generated {
-            spd: *spd,
-            size: *size,
-        })
+        let sized = |size: &u32| SceneSource::generated(*spd, *size);
+        sizes.iter().map(sized)
     });
-    let mut scenes: Vec<GridScene> = sized.collect();
+    let mut scenes: Vec<SceneSource> = sized.collect();
     match &arguments.scenes {
-        Some(folder) if !arguments.smoke => {
-            scenes.extend(in_folder(folder)?.into_iter().map(GridScene::File));
-        }
+        Some(folder) if !arguments.smoke => scenes.extend(in_folder(folder)?),
         Some(_) => {}
-        None => eprintln!("without --scenes or KD_SCENES: generated scenes alone"),
+        None => eprintln!("without --scenes or KD_SCENES: only generated scenes"),
     }
     if !arguments.scene.is_empty() {
-        scenes.retain(|scene| arguments.scene.contains(&scene.name()));
+        scenes.retain(|scene| arguments.scene.contains(&scene.name));
     }
-    // One to learn from, and one to decide about.
+    // One scene to calibrate on, and one to decide about.
     if scenes.len() < 2 {
-        let message = "at least two scenes are needed, named as this prints them";
+        let message = "at least two scenes are needed, by the names that the table prints";
         return Err(UsageError(message.into()).into());
     }
     Ok(scenes)
-}
-
-impl GridScene {
-    pub(super) fn name(&self) -> String {
-        match self {
-            Self::Generated { spd, size } => format!("{spd}-{size}"),
-            Self::File(source) => source.name.clone(),
-        }
-    }
-
-    pub(super) fn load(&self) -> anyhow::Result<Loaded> {
-        let name = self.name();
-        match self {
-            Self::Generated { spd, size } => {
-                let setup = spd.generate(*size)?;
-                Ok(Loaded {
-                    name,
-                    family: spd.to_string(),
-                    mesh: Arc::new(setup.mesh.clone()),
-                    description: SceneDescription::of_setup(setup),
-                })
-            }
-            Self::File(source) => {
-                let scene = source.load()?;
-                let light = Light {
-                    position: scene.light,
-                    color: kd::glam::Vec3::ONE,
-                    keys: None,
-                };
-                let description = SceneDescription {
-                    camera: Some(scene.camera),
-                    lights: vec![light],
-                    ..SceneDescription::of_mesh(Arc::clone(&scene.mesh))
-                };
-                Ok(Loaded {
-                    // Meshes of several levels of detail are told by a number at the end.
-                    family: name
-                        .trim_end_matches(|c: char| c.is_ascii_digit())
-                        .to_owned(),
-                    name,
-                    mesh: scene.mesh,
-                    description,
-                })
-            }
-        }
-    }
 }

@@ -9,29 +9,18 @@ use serde_json::{Value, json};
 use super::measure::Measured;
 use super::seed::{SeedRow, TABLE};
 use super::{SCHEMES, of_scheme, rays_text};
-use crate::goals::arithmetic_mean;
 use crate::record::median;
-use crate::terminal;
+use crate::text;
+use crate::view::{arithmetic_mean, maximum, minimum};
 
 /// The kd-tree of the table.
 pub(super) const KD: Kind = Kind::Balanced;
 
-/// Scene by scene; where the paper has the scene, its figures below ours.
+/// By scene, with the paper's figures below ours where it has the scene.
 pub(super) fn of(measured: &[Measured]) -> Table {
-    let head = [
-        "scene",
-        "triangles",
-        "σ",
-        "T_G ms",
-        "T_H ms",
-        "t_G µs",
-        "t_H µs",
-        "R_C",
-        "t_G µs",
-        "t_H µs",
-        "R_C",
-    ];
-    let mut table = terminal::empty_table(head.map(String::from).to_vec());
+    let of_rays = ["t_G µs", "t_H µs", "R_C"];
+    let head = ["scene", "triangles", "σ", "T_G ms", "T_H ms"].into_iter();
+    let mut table = text::empty_table(head.chain(of_rays).chain(of_rays));
     for random in of_scheme(measured, RayScheme::Random) {
         let path = measured.iter().find(|other| {
             other.scene.rays == RayScheme::Path && other.scene.scene == random.scene.scene
@@ -55,7 +44,7 @@ pub(super) fn of(measured: &[Measured]) -> Table {
             table.add_row(seed_cells(seed));
         }
     }
-    terminal::align_right(&mut table, 1);
+    text::align_right(&mut table, 1);
     table
 }
 
@@ -80,21 +69,21 @@ fn milliseconds(seconds: f64) -> String {
     format!("{:.2}", 1e3 * seconds)
 }
 
-/// The rays for which both take as long in all, as the paper's table has it.
+/// The number of rays for which the totals of both are equal, as in the paper's table.
 pub(super) fn critical_rays(measured: &Measured) -> Option<f64> {
     break_even(measured.times(Kind::Grid), measured.times(KD))
 }
 
-/// What a scene adds to the averages.
+/// The ratios of a scene.
 struct Ratios {
     /// T_H / T_G and t_G / t_H.
     build: f64,
     ray: f64,
-    /// R_C for each triangle, if there is one.
+    /// R_C for each triangle, where rays of the kd-tree are faster.
     rays_each: Option<f64>,
-    /// T_G / T_H, what a grid costs that is thrown away.
+    /// T_G / T_H: the cost of a grid that is discarded.
     slowdown: f64,
-    /// How many times as soon the grid answers log₂ N rays.
+    /// The speed-up of log₂ N rays by the grid, builds included.
     speedup: f64,
 }
 
@@ -134,7 +123,7 @@ pub(super) fn averages(measured: &[Measured]) -> String {
             let _ = writeln!(text, "  {whose}: {}", line(&ratios));
         }
     }
-    text += "(The paper tells 4.5 % (2.1-15.4) on average, and 28.07 (6.5-46.5).)";
+    text += "(The paper states 4.5 % (2.1-15.4) on average, and 28.07 (6.5-46.5).)";
     text
 }
 
@@ -148,9 +137,7 @@ pub(super) fn name(scheme: RayScheme) -> &'static str {
 fn line(ratios: &[Ratios]) -> String {
     let range = |of: &dyn Fn(&Ratios) -> f64| {
         let values: Vec<f64> = ratios.iter().map(of).collect();
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        (arithmetic_mean(&values), low, high)
+        (arithmetic_mean(&values), minimum(&values), maximum(&values))
     };
     let (slow, least_slow, most_slow) = range(&|ratios| 100.0 * ratios.slowdown);
     let (speed, least_speed, most_speed) = range(&|ratios| ratios.speedup);
@@ -164,9 +151,9 @@ fn line(ratios: &[Ratios]) -> String {
         format!("{:.2}", median(&critical))
     };
     format!(
-        "T_H / T_G {:.1}, t_G / t_H {:.2} on average, R_C per triangle {middle} in the middle, {} of {} scenes have one; a grid \
-         thrown away slows the build by {slow:.1} % ({least_slow:.1}-{most_slow:.1}), one kept answers log2 N rays {speed:.2} \
-         times as soon ({least_speed:.2}-{most_speed:.2})",
+        "T_H / T_G {:.1}, t_G / t_H {:.2} on average, median R_C per triangle {middle}, {} of {} scenes have one; a discarded grid \
+         slows the build by {slow:.1} % ({least_slow:.1}-{most_slow:.1}), a kept one answers log2 N rays {speed:.2} times faster \
+         ({least_speed:.2}-{most_speed:.2})",
         range(&|ratios| ratios.build).0,
         range(&|ratios| ratios.ray).0,
         critical.len(),

@@ -1,27 +1,29 @@
-//! Which variants a run measures.
+//! The variants of a run.
 
-use crate::cli::{BenchArgs, UsageError, name_of};
-use crate::structure::{BuilderName, LayoutName, StructureName, Variant};
 use clap::ValueEnum as _;
 
-/// Every chosen structure with every chosen builder that it has, and in every chosen layout where it has several.
+use super::BenchArgs;
+use crate::arguments::{UsageError, name_of};
+use crate::names::{BuilderName, LayoutName, StructureName, Variant};
+
+/// Every chosen structure with every chosen builder that it has, in every chosen layout if it has several.
+///
+/// Without `--layout`, builders of kd-trees are traced through the tree that they built, since wide nodes divide small cells
+/// again and hide the differences; presets and hierarchies are traced through wide nodes, which is the default of users.
 pub(crate) fn choose(arguments: &BenchArgs) -> anyhow::Result<Vec<Variant>> {
     let structures = structures(arguments)?;
     let mut variants: Vec<Variant> = Vec::new();
     for structure in structures {
         for builder in builders(arguments, structure) {
-            let layouts = match builder {
-                BuilderName::Objects => &[LayoutName::Wide],
-                _ if structure.has_layouts() && !builder.is_of_rival() => {
-                    arguments.layout.as_slice()
-                }
-                _ => &[LayoutName::Own],
+            let layouts: &[LayoutName] = match (structure, builder) {
+                (_, BuilderName::Objects) => &[LayoutName::Wide],
+                _ if !structure.has_layouts() || builder.is_of_rival() => &[LayoutName::Own],
+                _ if !arguments.layout.is_empty() => &arguments.layout,
+                (StructureName::Kd, builder) if !builder.is_preset() => &[LayoutName::Binary],
+                _ => &[LayoutName::Wide],
             };
-            variants.extend(layouts.iter().map(|layout| Variant {
-                structure,
-                builder,
-                layout: *layout,
-            }));
+            let in_layout = |layout: &LayoutName| Variant::new(structure, builder, *layout);
+            variants.extend(layouts.iter().map(in_layout));
         }
     }
     if variants.is_empty() {
@@ -58,14 +60,11 @@ fn builders(arguments: &BenchArgs, structure: StructureName) -> Vec<BuilderName>
     if structure != StructureName::Kd || arguments.smoke {
         return all;
     }
+    use BuilderName::{Balanced, Best, Binned, Exact, Fast, Median};
     if arguments.peers {
-        return vec![BuilderName::Fast, BuilderName::Balanced, BuilderName::Best];
+        return vec![Fast, Balanced, Best];
     }
-    vec![
-        BuilderName::Median,
-        BuilderName::Exact,
-        BuilderName::Balanced,
-    ]
+    vec![Median, Binned, Exact, Fast, Balanced, Best]
 }
 
 fn nothing_left(arguments: &BenchArgs) -> String {
@@ -98,16 +97,11 @@ pub(crate) fn without_repeats<T: Copy + PartialEq>(values: &[T]) -> Vec<T> {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser as _;
-
     use super::*;
-    use crate::cli::{Cli, Command};
+    use crate::sweep::parsed;
 
     fn chosen(arguments: &[&str]) -> Result<String, String> {
-        let all = [&["kd-bench", "bench"], arguments].concat();
-        let Command::Bench(arguments) = Cli::try_parse_from(all).expect("valid").command else {
-            panic!("asked for bench");
-        };
+        let arguments = parsed(arguments.iter().copied());
         let variants = choose(&arguments).map_err(|why| why.to_string())?;
         let names: Vec<String> = variants.iter().map(ToString::to_string).collect();
         Ok(names.join(" "))
@@ -133,17 +127,23 @@ mod tests {
 
     #[test]
     fn without_rivals_there_is_the_kd_tree() {
-        let usual = "kd/median/wide kd/exact/wide kd/balanced/wide";
-        assert_eq!(chosen(&[]).as_deref(), Ok(usual), "the usual three");
+        let usual = "kd/median/binary kd/binned/binary kd/exact/binary kd/fast/wide kd/balanced/wide kd/best/wide";
+        assert_eq!(chosen(&[]).as_deref(), Ok(usual), "builders and presets");
+        let wide = chosen(&["--layout", "wide", "--builder", "exact,best"]);
+        assert_eq!(
+            wide.as_deref(),
+            Ok("kd/exact/wide kd/best/wide"),
+            "as chosen"
+        );
         let smoke = chosen(&["--smoke"]).expect("all");
         assert!(
-            smoke.contains("kd/naive/wide")
+            smoke.contains("kd/naive/binary")
                 && smoke.contains("octree/median/own")
                 && !smoke.contains("default"),
             "all of its own: {smoke}"
         );
         let twice = chosen(&["--builder", "exact,exact"]);
-        assert_eq!(twice.as_deref(), Ok("kd/exact/wide"), "once");
+        assert_eq!(twice.as_deref(), Ok("kd/exact/binary"), "once");
     }
 
     #[test]
@@ -171,11 +171,11 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_with_what_can() {
+    fn a_refusal_names_the_alternatives() {
         let refused = chosen(&["--structure", "kd,embree"]).expect_err("a rival");
         assert_eq!(
             refused, "`embree` is a rival library: add --peers",
-            "what to do"
+            "the remedy"
         );
         let refused = chosen(&["--builder", "medium"]).expect_err("of rivals only");
         assert!(

@@ -1,7 +1,7 @@
-//! Rivals written in Rust, measured in another build of this program: the one for this very processor.
+//! Rivals written in Rust, measured in a second build of this program, for this processor.
 //!
-//! A rival may be faster where the compiler may use all of the processor, as its users would allow it; ours finds out
-//! for itself what there is, so it is measured in the default build alone.
+//! A rival may be faster where the compiler may use every instruction of the processor, as its users can allow. Ours detects
+//! them at run time, so it is measured in the default build only.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -9,11 +9,11 @@ use std::process::Command;
 
 use anyhow::Context as _;
 
-use crate::cli::{BenchArgs, name_of};
+use super::{BenchArgs, variants};
+use crate::arguments::name_of;
+use crate::names::{StructureName, Variant};
 use crate::record::{self, Record};
 use crate::run_folder::RunFolder;
-use crate::structure::{StructureName, Variant};
-use crate::variants;
 
 /// Runs the other program over the same scenes and rays. There, too, Embree runs before every repeat.
 pub(crate) fn measure(
@@ -36,7 +36,7 @@ pub(crate) fn measure(
         .status()
         .with_context(|| format!("cannot start {}", program.display()))?;
     std::fs::remove_dir_all(&scratch).ok();
-    // Answers that are wrong end it with 1, and are in the records.
+    // Wrong answers end it with 1, and are in the records.
     anyhow::ensure!(
         matches!(status.code(), Some(0 | 1)) && records.exists(),
         "{}: {status}",
@@ -53,7 +53,7 @@ fn to_measure(variants: &[Variant]) -> Vec<StructureName> {
     structures
 }
 
-/// A structure of ours may have the name of a rival's, and be measured with it.
+/// Without structures of ours that share the name of a rival and are measured with it.
 fn of_rivals(mut records: Vec<Record>) -> Vec<Record> {
     records.retain(Record::is_of_rival);
     records
@@ -116,10 +116,8 @@ fn is_same_row(a: &Record, b: &Record) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser as _;
-
     use super::*;
-    use crate::cli::{Cli, Command};
+    use crate::sweep::parsed;
 
     #[test]
     fn rows_are_replaced_whole() {
@@ -154,17 +152,12 @@ mod tests {
         );
     }
 
-    /// Hierarchies of ours and the crate bvh have one name.
+    /// Our hierarchies and the crate bvh share a name.
     #[test]
     fn our_hierarchies_are_no_rivals() {
         let to_measure = |arguments: &str| {
-            let command = format!("kd-bench bench --peers --structure {arguments}");
-            let Command::Bench(arguments) = Cli::try_parse_from(command.split(' '))
-                .expect("valid")
-                .command
-            else {
-                panic!("asked for bench");
-            };
+            let call = format!("--peers --structure {arguments}");
+            let arguments = parsed(call.split(' '));
             to_measure(&variants::choose(&arguments).expect("some"))
         };
         let none: [StructureName; 0] = [];
@@ -201,18 +194,13 @@ mod tests {
     }
 
     #[test]
-    fn the_other_program_is_asked_the_same() {
-        let ours = "kd-bench bench --peers --scenes dir --scene a,b --builder medium --threads 2 --samples 5 --smoke";
-        let Command::Bench(arguments) =
-            Cli::try_parse_from(ours.split(' ')).expect("valid").command
-        else {
-            panic!("asked for bench");
-        };
-        let mut call = call(&arguments, &[StructureName::Obvhs]);
-        call.insert(0, "kd-bench".into());
-        let Command::Bench(theirs) = Cli::try_parse_from(call).expect("valid").command else {
-            panic!("asked for bench");
-        };
+    fn the_other_program_gets_the_same_arguments() {
+        let ours =
+            "--peers --scenes dir --scene a,b --builder medium --threads 2 --samples 5 --smoke";
+        let arguments = parsed(ours.split(' '));
+        let call = call(&arguments, &[StructureName::Obvhs]);
+        assert_eq!(call[0], "bench", "the command");
+        let theirs = parsed(call.into_iter().skip(1));
         assert_eq!(theirs.structure, [StructureName::Obvhs], "only the rival");
         assert_eq!(
             (
