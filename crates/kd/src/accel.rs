@@ -61,7 +61,7 @@ enum Built {
     Lazy(LazyTree),
 }
 
-/// DecisionReason there is no structure.
+/// Why there is no structure.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum AccelError {
