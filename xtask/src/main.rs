@@ -96,10 +96,10 @@ const COMMANDS: &[Command] = &[
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let Some((name, rest)) = arguments.split_first() else {
-        return usage("a command is missing");
+        return usage("no command given");
     };
     let Some(command) = COMMANDS.iter().find(|command| command.name == *name) else {
-        return usage(&format!("there is no command `{name}`"));
+        return usage(&format!("unknown command `{name}`"));
     };
     (command.run)(rest).unwrap_or_else(|why| {
         eprintln!("xtask {name}: {why}");

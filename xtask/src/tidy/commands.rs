@@ -66,8 +66,8 @@ fn plan(
     (planned.collect(), complaints)
 }
 
-/// Runs every small form in a folder of generated scenes and complains of each that fails. Forms that need Embree are left out
-/// where Embree is not installed, and said to be.
+/// Runs every small form in a folder of generated scenes and complains of each that fails. Forms that need a tool that is not
+/// installed do not run, and the output names them.
 pub(super) fn run(
     root: &Path,
     documents: &[Document],
@@ -83,7 +83,12 @@ pub(super) fn run(
     }
     inputs::write(&folder, planned.iter().map(|planned| &planned.form))?;
     let mut start = |form: &SmallForm, limit| run::start(form, &folder, limit);
-    Ok(run::run_all(planned, run::has_embree(), BUDGET, &mut start))
+    Ok(run::run_all(
+        planned,
+        &run::is_installed,
+        BUDGET,
+        &mut start,
+    ))
 }
 
 #[cfg(test)]
@@ -126,7 +131,7 @@ mod tests {
             }
             run::start(form, &folder, limit)
         };
-        let complaints = run::run_all(planned, false, BUDGET, &mut start);
+        let complaints = run::run_all(planned, &|_| true, BUDGET, &mut start);
         let [complaint] = complaints.as_slice() else {
             panic!("one form fails: {complaints:?}");
         };

@@ -138,7 +138,7 @@ pub(super) fn link_targets(line: &str) -> Vec<String> {
     targets
 }
 
-/// The anchors that the headings of a document get, as GitHub makes them.
+/// The anchors of the headings of a document, by the rules of GitHub.
 pub(super) fn anchors(text: &str) -> Vec<String> {
     let mut anchors: Vec<String> = Vec::new();
     for line in prose(text) {

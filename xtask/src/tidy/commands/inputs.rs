@@ -198,7 +198,7 @@ mod tests {
         let words = "run -- convert a.aff --scene b,c -o d.ply";
         let form = SmallForm {
             arguments: words.split(' ').map(String::from).collect(),
-            needs_embree: false,
+            needs: None,
         };
         write(&folder, [form].iter()).expect("a folder to write to");
         let exists = |path: &str| folder.join(path).exists();

@@ -8,14 +8,25 @@ use std::time::{Duration, Instant};
 
 use super::Planned;
 use super::collect::Documented;
-use super::small_form::{SmallForm, recorded_run};
+use super::small_form::{SmallForm, Tool, recorded_run};
 use crate::cargo;
 
 /// How many lines of the output of a command that fails are shown.
 const SHOWN_LINES: usize = 12;
 
-/// Whether the dynamic linker would find Embree 3, as far as its usual folders tell.
-pub(super) fn has_embree() -> bool {
+/// Whether a tool is in a place where programs look for it.
+pub(super) fn is_installed(tool: Tool) -> bool {
+    match tool {
+        Tool::Embree => has_embree(),
+        Tool::Valgrind => {
+            let folders = std::env::var_os("PATH").unwrap_or_default();
+            std::env::split_paths(&folders).any(|folder| folder.join("valgrind").is_file())
+        }
+    }
+}
+
+/// Whether a folder in which dynamic linkers look has Embree 3.
+fn has_embree() -> bool {
     let listed = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
     let mut folders: Vec<PathBuf> = std::env::split_paths(&listed).collect();
     for folder in [
@@ -48,13 +59,13 @@ pub(super) fn has_embree() -> bool {
 /// the budget leaves out.
 pub(super) fn run_all(
     planned: Vec<Planned>,
-    has_embree: bool,
+    is_installed: &dyn Fn(Tool) -> bool,
     budget: Duration,
     start: &mut dyn FnMut(&SmallForm, Duration) -> Result<(), String>,
 ) -> Vec<String> {
     let begin = Instant::now();
     let mut complaints = Vec::new();
-    for Planned { form, documented } in in_order(planned, has_embree) {
+    for Planned { form, documented } in in_order(planned, is_installed) {
         let title = titled(&documented);
         let Some(left) = budget.checked_sub(begin.elapsed()) else {
             let minutes = budget.as_secs() / 60;
@@ -72,8 +83,8 @@ pub(super) fn run_all(
     complaints
 }
 
-/// The forms that this machine can run, the record that others read first; forms that are the same without Embree are one.
-fn in_order(planned: Vec<Planned>, has_embree: bool) -> Vec<Planned> {
+/// The forms that run on this machine, the record that others read first. Forms that are equal without `--peers` are one.
+fn in_order(planned: Vec<Planned>, is_installed: &dyn Fn(Tool) -> bool) -> Vec<Planned> {
     let mut forms: Vec<Planned> = Vec::new();
     let mut add = |form: SmallForm, documented: Vec<Documented>| match forms
         .iter_mut()
@@ -89,15 +100,11 @@ fn in_order(planned: Vec<Planned>, has_embree: bool) -> Vec<Planned> {
         add(recorded_run(), reader.documented.clone());
     }
     for Planned { form, documented } in planned {
-        if has_embree {
+        if let Some(form) = form.with_tools(is_installed) {
             add(form, documented);
-        } else if let Some(form) = form.without_embree() {
-            add(form, documented);
-        } else {
-            println!(
-                "tidy: left out, Embree 3 is not installed: {}",
-                titled(&documented)
-            );
+        } else if let Some(tool) = form.needs {
+            let title = titled(&documented);
+            println!("tidy: {title} does not run: {tool:?} is not installed");
         }
     }
     forms
@@ -124,7 +131,7 @@ pub(super) fn start(form: &SmallForm, folder: &Path, limit: Duration) -> Result<
     let mut child = cargo()
         .args(&form.arguments)
         .current_dir(folder)
-        // A smoke needs no speed: what is built in release compiles sooner.
+        // Small forms need no speed: release builds without optimization compile faster.
         .env("CARGO_PROFILE_RELEASE_OPT_LEVEL", "1")
         .env("CARGO_PROFILE_RELEASE_LTO", "off")
         .env("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16")
@@ -183,13 +190,13 @@ mod tests {
         Planned { form, documented }
     }
 
-    fn started(planned: Vec<Planned>, has_embree: bool) -> Vec<String> {
+    fn started(planned: Vec<Planned>, has_tools: bool) -> Vec<String> {
         let mut started = Vec::new();
         let mut start = |form: &SmallForm, _| {
             started.push(form.arguments.join(" "));
             Ok(())
         };
-        let complaints = run_all(planned, has_embree, Duration::from_secs(60), &mut start);
+        let complaints = run_all(planned, &|_| has_tools, Duration::from_secs(60), &mut start);
         assert_eq!(complaints, [""; 0], "nothing fails");
         started
     }
@@ -208,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn without_embree_rivals_are_left_out_and_what_is_then_the_same_runs_once() {
+    fn without_embree_equal_forms_run_once() {
         let all = || {
             vec![
                 planned("cargo xtask bench --peers", "a.md:1"),
@@ -225,7 +232,7 @@ mod tests {
     fn what_the_budget_leaves_out_is_named() {
         let all = vec![planned("cargo xtask bench", "a.md:2")];
         let mut start = |_: &SmallForm, _| panic!("no time is left");
-        let complaints = run_all(all, true, Duration::ZERO, &mut start);
+        let complaints = run_all(all, &|_| true, Duration::ZERO, &mut start);
         assert_eq!(
             complaints,
             ["a.md:2: `cargo xtask bench` did not run: 0 minutes are spent"]

@@ -15,8 +15,16 @@ pub(super) enum Form {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct SmallForm {
     pub(super) arguments: Vec<String>,
-    /// The command measures Embree in any case, not only with `--peers`.
-    pub(super) needs_embree: bool,
+    /// The command fails without this program or library.
+    pub(super) needs: Option<Tool>,
+}
+
+/// What a machine may lack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Tool {
+    /// Embree 3, which `--peers` needs, too.
+    Embree,
+    Valgrind,
 }
 
 /// Command lines that start like this have no small form.
@@ -79,7 +87,7 @@ pub(super) fn recorded_run() -> SmallForm {
     let arguments = ["xtask", "bench", "--samples", "1", "--smoke", "--out", RUNS];
     SmallForm {
         arguments: owned(&arguments),
-        needs_embree: false,
+        needs: None,
     }
 }
 
@@ -89,11 +97,13 @@ impl SmallForm {
         self.arguments.iter().any(|word| word == LATEST_RUN)
     }
 
-    /// The form for a machine without Embree, if anything is left of it.
-    pub(super) fn without_embree(&self) -> Option<Self> {
+    /// The form for a machine on which some tools are installed: none without the tool that it needs, no `--peers` without Embree.
+    pub(super) fn with_tools(&self, is_installed: &dyn Fn(Tool) -> bool) -> Option<Self> {
         let mut form = self.clone();
-        form.arguments.retain(|word| word != "--peers");
-        (!self.needs_embree).then_some(form)
+        if !is_installed(Tool::Embree) {
+            form.arguments.retain(|word| word != "--peers");
+        }
+        self.needs.is_none_or(is_installed).then_some(form)
     }
 
     /// The values of an option that takes a list.
@@ -119,7 +129,7 @@ impl Form {
 fn small(arguments: Vec<String>) -> Form {
     Form::Small(SmallForm {
         arguments,
-        needs_embree: false,
+        needs: None,
     })
 }
 
@@ -201,30 +211,34 @@ struct Options {
     samples: bool,
     /// `--out`: the folder of the run.
     out: bool,
-    needs_embree: bool,
+    needs: Option<Tool>,
 }
 
-const fn options(name: &'static str, [smoke, samples, out, needs_embree]: [bool; 4]) -> Options {
+const fn options(
+    name: &'static str,
+    [smoke, samples, out]: [bool; 3],
+    needs: Option<Tool>,
+) -> Options {
     Options {
         name,
         smoke,
         samples,
         out,
-        needs_embree,
+        needs,
     }
 }
 
 const XTASK: [Options; 10] = [
-    options("bench", [true, true, true, false]),
-    options("builds", [true, true, true, true]),
-    options("rays", [true, true, true, true]),
-    options("merges", [true, true, false, false]),
-    options("structures", [true, true, true, true]),
-    options("paper", [true, true, false, false]),
-    options("instructions", [false, false, false, false]),
-    options("report", [false, false, false, false]),
-    options("calibrate", [true, true, false, false]),
-    options("compare", [false, false, false, false]),
+    options("bench", [true, true, true], None),
+    options("builds", [true, true, true], Some(Tool::Embree)),
+    options("rays", [true, true, true], Some(Tool::Embree)),
+    options("merges", [true, true, false], None),
+    options("structures", [true, true, true], Some(Tool::Embree)),
+    options("paper", [true, true, false], None),
+    options("instructions", [false, false, false], Some(Tool::Valgrind)),
+    options("report", [false, false, false], None),
+    options("calibrate", [true, true, false], None),
+    options("compare", [false, false, false], None),
 ];
 
 fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
@@ -281,7 +295,7 @@ fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
     }
     Ok(Form::Small(SmallForm {
         arguments: call,
-        needs_embree: options.needs_embree && !is_help,
+        needs: options.needs.filter(|_| !is_help),
     }))
 }
 
@@ -379,15 +393,22 @@ mod tests {
     }
 
     #[test]
-    fn without_embree_rivals_are_left_out() {
-        let form = |line: &str| match form_of(line) {
-            Ok(Form::Small(form)) => form.without_embree().map(|form| form.arguments.join(" ")),
+    fn without_tools_less_is_left() {
+        let form = |line: &str, installed: &[Tool]| match form_of(line) {
+            Ok(Form::Small(form)) => {
+                let form = form.with_tools(&|tool| installed.contains(&tool));
+                form.map(|form| form.arguments.join(" "))
+            }
             other => panic!("{line}: {other:?}"),
         };
-        assert_eq!(
-            form("cargo xtask bench --peers").as_deref(),
-            Some("xtask bench --samples 1 --smoke --out runs")
-        );
-        assert_eq!(form("cargo xtask rays"), None);
+        let with = "xtask bench --peers --samples 1 --smoke --out runs";
+        let without = "xtask bench --samples 1 --smoke --out runs";
+        let line = "cargo xtask bench --peers";
+        assert_eq!(form(line, &[Tool::Embree]).as_deref(), Some(with));
+        assert_eq!(form(line, &[]).as_deref(), Some(without));
+        assert_eq!(form("cargo xtask rays", &[Tool::Valgrind]), None);
+        assert_eq!(form("cargo xtask instructions", &[Tool::Embree]), None);
+        let help = "cargo xtask rays --help";
+        assert!(form(help, &[]).is_some(), "help needs nothing");
     }
 }
