@@ -1,11 +1,11 @@
 //! Tasks of the workspace: `cargo xtask <command>`.
 //!
-//! Thin on purpose. It depends on no kd crate, so it starts at once and still runs when one of them does not compile;
-//! everything that measures lives in `kd-bench`, which it builds and starts.
+//! It depends on no kd crate, so it starts at once and still runs when one of them does not compile. Everything that measures is
+//! in `kd-bench`, which it builds and starts.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
-    reason = "a command line program talks to its user there"
+    reason = "a command line program prints there"
 )]
 
 mod bench;
@@ -14,7 +14,7 @@ mod tidy;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// What a task may end with: an exit code to pass on, or the reason why it failed.
+/// The result of a task: an exit code to pass on, or the reason of a failure.
 type Outcome = Result<ExitCode, String>;
 
 struct Command {
@@ -34,37 +34,37 @@ const COMMANDS: &[Command] = &[
     Command {
         name: "builds",
         arguments: "[OPTIONS]",
-        help: "print what the presets cost and are worth, over Embree and each other (`builds --help`)",
+        help: "measure build times of the presets and rays through their trees, over Embree and each other (`builds --help`)",
         run: |arguments| bench::with_rivals("builds", arguments),
     },
     Command {
         name: "rays",
         arguments: "[OPTIONS]",
-        help: "print how fast the default tree answers rays, over rivals (`rays --help` lists the options)",
+        help: "measure rays through the default tree, over rivals (`rays --help` lists the options)",
         run: |arguments| bench::with_rivals("rays", arguments),
     },
     Command {
         name: "merges",
         arguments: "[OPTIONS]",
-        help: "print what merging trees costs and is worth, over building anew (`merges --help` lists the options)",
+        help: "measure merges of trees and rays through the result, over rebuilding (`merges --help` lists the options)",
         run: |arguments| bench::run("merges", arguments),
     },
     Command {
         name: "structures",
         arguments: "[OPTIONS]",
-        help: "print what grids and hierarchies cost and are worth, over rivals and the default tree (`structures --help`)",
+        help: "measure grids and hierarchies, over rivals and the default tree (`structures --help`)",
         run: |arguments| bench::with_rivals("structures", arguments),
     },
     Command {
         name: "paper",
         arguments: "TABLE [OPTIONS]",
-        help: "make a table of one of the papers again (`paper --help` lists them)",
+        help: "reproduce a table of one of the papers (`paper --help` lists them)",
         run: |arguments| bench::run("paper", arguments),
     },
     Command {
         name: "instructions",
         arguments: "[--json FILE]",
-        help: "count instructions per ray, with valgrind: the same on every run",
+        help: "count instructions per ray with valgrind; every run gives the same counts",
         run: |arguments| bench::run("instructions", arguments),
     },
     Command {
@@ -82,7 +82,7 @@ const COMMANDS: &[Command] = &[
     Command {
         name: "compare",
         arguments: "RUN RUN",
-        help: "list what differs between two runs; fails on any exact difference",
+        help: "list the differences between two runs; fails on any that is not a time",
         run: |arguments| bench::run("compare", arguments),
     },
     Command {
@@ -93,19 +93,19 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "tidy",
-        arguments: "[--quick]",
-        help: "check crate edges, links, snippets and facts in the docs, and the invariants table",
-        run: tidy::run,
+        arguments: "[--quick] [--run-commands]",
+        help: "check crate edges, links, snippets, facts, invariants and commands in the documents",
+        run: |arguments| tidy::run(arguments, &calls()),
     },
 ];
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let Some((name, rest)) = arguments.split_first() else {
-        return usage("a command is missing");
+        return usage("no command given");
     };
     let Some(command) = COMMANDS.iter().find(|command| command.name == *name) else {
-        return usage(&format!("there is no command `{name}`"));
+        return usage(&format!("unknown command `{name}`"));
     };
     (command.run)(rest).unwrap_or_else(|why| {
         eprintln!("xtask {name}: {why}");
@@ -113,11 +113,17 @@ fn main() -> ExitCode {
     })
 }
 
+/// The command lines that the help prints.
+fn calls() -> Vec<String> {
+    let call = |command: &Command| format!("cargo xtask {} {}", command.name, command.arguments);
+    COMMANDS.iter().map(call).collect()
+}
+
 fn usage(complaint: &str) -> ExitCode {
     eprintln!("xtask: {complaint}\n\nusage: cargo xtask COMMAND\n");
     for command in COMMANDS {
         let call = format!("{} {}", command.name, command.arguments);
-        eprintln!("  {call:<20} {}", command.help);
+        eprintln!("  {call:<31} {}", command.help);
     }
     ExitCode::from(2)
 }
@@ -126,7 +132,7 @@ fn usage(complaint: &str) -> ExitCode {
 fn workspace_root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
-        .expect("xtask lies in the workspace")
+        .expect("xtask is a folder of the workspace")
 }
 
 /// The cargo that runs this program.

@@ -1,7 +1,9 @@
-//! Checks that no compiler makes: who depends on whom, and whether the documents still tell the truth.
+//! Checks that no compiler makes: which crate depends on which, and whether the documents are still true.
 //!
-//! Each rule is a pure function from texts to complaints, so that its tests can show it failing.
+//! Each rule is a pure function from texts to complaints, so that its tests can show it failing. Only documented commands are
+//! also run, on request.
 
+mod commands;
 mod edges;
 mod invariants;
 mod links;
@@ -15,26 +17,33 @@ use std::process::ExitCode;
 
 use crate::{Outcome, cargo, workspace_root};
 
-/// A file and what is in it. Paths are relative to the workspace, with `/` between the parts.
+/// A file and its text. The path is relative to the workspace, with `/` between folders.
 struct Document {
     path: String,
     text: String,
 }
 
-/// Checks everything, prints every complaint, and fails if there is one. `--quick` leaves the doc tests out.
-pub(crate) fn run(arguments: &[String]) -> Outcome {
-    let quick = match arguments {
-        [] => false,
-        [flag] if flag == "--quick" => true,
-        _ => return Err("the only option is --quick".into()),
-    };
+/// Checks everything, prints every complaint, and fails if there is one. `--quick` leaves out the doc tests; `--run-commands` also
+/// runs each documented command in a small form. `help` holds the commands of `cargo xtask` as its help prints them.
+pub(crate) fn run(arguments: &[String], help: &[String]) -> Outcome {
+    let (mut quick, mut run_commands) = (false, false);
+    for argument in arguments {
+        match argument.as_str() {
+            "--quick" => quick = true,
+            "--run-commands" => run_commands = true,
+            _ => return Err("the options are --quick and --run-commands".into()),
+        }
+    }
     let root = workspace_root();
     let metadata = metadata()?;
     let documents = documents(root)?;
     let sources = sources(root)?;
     let exists = |path: &str| root.join(path).exists();
+    let checks = root.join(".ci/run");
+    let checks =
+        fs::read_to_string(&checks).map_err(|why| format!("{}: {why}", checks.display()))?;
 
-    let rules = [
+    let mut rules = vec![
         ("crate edges", edges::check(&metadata)),
         ("links and paths", links::check(&documents, &exists)),
         ("snippets", snippets::check(&documents, &sources)),
@@ -43,7 +52,15 @@ pub(crate) fn run(arguments: &[String]) -> Outcome {
             "invariants",
             invariants::check(&documents, &sources, &exists),
         ),
+        (
+            "documented commands",
+            commands::check(&documents, &sources, help, &checks),
+        ),
     ];
+    if run_commands {
+        let failed = commands::run(root, &documents, &sources, help, &checks)?;
+        rules.push(("documented commands, run in small forms", failed));
+    }
     let mut complaints = 0;
     for (rule, found) in &rules {
         println!(
@@ -151,7 +168,7 @@ fn doc_tests(root: &Path) -> Result<(), String> {
     if status.success() {
         Ok(())
     } else {
-        Err("a snippet does not compile or does not do what it says".into())
+        Err("a snippet does not compile or fails".into())
     }
 }
 

@@ -1,4 +1,4 @@
-//! An invariant has a checker: every row of the table under the heading "Invariants" in `docs/architecture.md` names in
+//! Checks that each invariant has a checker: every row of the table under the heading "Invariants" in `docs/architecture.md` names in
 //! its last column a test (`crate::module::name`), a file (`crates/kd/tests/oracle.rs`, or one like `clippy.toml` in the
 //! root) or a command (`cargo ...`), and what it names exists. Other code in that column is part of the wording.
 
@@ -7,7 +7,7 @@ use super::markdown::{Line, code_spans, prose};
 
 const WHERE: &str = "docs/architecture.md";
 
-/// What `.ci/run` runs and may therefore hold an invariant.
+/// Steps of `.ci/run` that may check an invariant.
 const COMMANDS: [&str; 3] = ["clippy", "xtask tidy", "test --workspace"];
 
 pub(super) fn check(
@@ -16,7 +16,7 @@ pub(super) fn check(
     exists: &dyn Fn(&str) -> bool,
 ) -> Vec<String> {
     let Some(document) = documents.iter().find(|document| document.path == WHERE) else {
-        return vec![format!("there is no {WHERE}")];
+        return vec![format!("{WHERE} does not exist")];
     };
     let rows = rows(&document.text);
     if rows.is_empty() {
@@ -41,7 +41,7 @@ pub(super) fn check(
             };
             checkers += 1;
             if !found {
-                complaints.push(format!("{place}: there is no `{span}`"));
+                complaints.push(format!("{place}: `{span}` does not exist"));
             }
         }
         if checkers == 0 {
@@ -134,12 +134,12 @@ mod tests {
         assert_eq!(
             complaints(table),
             [
-                "docs/architecture.md:6: there is no `kd_core::node::tests::gone`",
-                "docs/architecture.md:7: there is no `kd_core::tree::packs`",
+                "docs/architecture.md:6: `kd_core::node::tests::gone` does not exist",
+                "docs/architecture.md:7: `kd_core::tree::packs` does not exist",
                 "docs/architecture.md:8: names no test, file or command that checks it",
-                "docs/architecture.md:9: there is no `crates/kd/tests/gone.rs`",
-                "docs/architecture.md:10: there is no `kd::oracle::helps`",
-                "docs/architecture.md:11: there is no `cargo hope`",
+                "docs/architecture.md:9: `crates/kd/tests/gone.rs` does not exist",
+                "docs/architecture.md:10: `kd::oracle::helps` does not exist",
+                "docs/architecture.md:11: `cargo hope` does not exist",
             ],
             "a missing test, one in another module, none at all, a missing file, no test, no such command"
         );
@@ -149,7 +149,7 @@ mod tests {
     fn the_table_itself_must_be_there() {
         assert_eq!(
             check(&[], &[], &|_| true),
-            ["there is no docs/architecture.md"],
+            ["docs/architecture.md does not exist"],
             "no file"
         );
         let without = [document(WHERE, "# Architecture\n")];

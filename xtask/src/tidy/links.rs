@@ -1,9 +1,9 @@
-//! Relative links, their anchors, and file paths in code spans lead somewhere.
+//! Checks that the targets of relative links, their anchors and the file paths in code spans exist.
 
 use super::Document;
 use super::markdown::{anchors, code_spans, link_targets, prose};
 
-/// A code span that starts with one of these is taken for a path in this repository.
+/// A code span that starts with one of these is a path in this repository.
 const FOLDERS: &[&str] = &[
     ".ci/",
     ".github/",
@@ -31,7 +31,7 @@ pub(super) fn check(documents: &[Document], exists: &dyn Fn(&str) -> bool) -> Ve
                         .chars()
                         .all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c));
                 if is_path && !exists(span) {
-                    complaints.push(format!("{place}: there is no `{span}`"));
+                    complaints.push(format!("{place}: `{span}` does not exist"));
                 }
             }
         }
@@ -55,7 +55,9 @@ fn broken_link(
         beside(&from.path, path)
     };
     if !exists(&path) {
-        return Some(format!("the link to `{target}` leads nowhere"));
+        return Some(format!(
+            "the target of the link to `{target}` does not exist"
+        ));
     }
     let known = documents.iter().find(|document| document.path == path)?;
     let found = anchor.is_empty() || anchors(&known.text).iter().any(|a| a == anchor);
@@ -104,10 +106,10 @@ mod tests {
         assert_eq!(
             complaints(text),
             [
-                "docs/a.md:1: the link to `missing.md` leads nowhere",
+                "docs/a.md:1: the target of the link to `missing.md` does not exist",
                 "docs/a.md:3: `README.md` has no heading `#nothing`",
                 "docs/a.md:3: `docs/a.md` has no heading `#gone`",
-                "docs/a.md:4: there is no `crates/kd/src/gone.rs`",
+                "docs/a.md:4: `crates/kd/src/gone.rs` does not exist",
             ],
             "with file and line"
         );

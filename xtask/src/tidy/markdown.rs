@@ -6,39 +6,64 @@ pub(super) struct Line<'a> {
     pub(super) text: &'a str,
 }
 
+/// What a line of a document belongs to.
+enum Part<'a> {
+    Prose,
+    /// The line that opens fenced code, with the language tag.
+    Fence(&'a str),
+    /// A line of fenced code in that language.
+    Code(&'a str),
+    /// The line that closes fenced code.
+    End,
+}
+
+/// Every line with what it belongs to.
+fn parts(text: &str) -> impl Iterator<Item = (Line<'_>, Part<'_>)> {
+    let mut open: Option<(&str, &str)> = None;
+    text.lines().enumerate().map(move |(index, text)| {
+        let line = Line {
+            number: index + 1,
+            text,
+        };
+        let part = match (open, opening_fence(text)) {
+            (None, Some(marker)) => {
+                let language = text.trim_start().trim_start_matches(['`', '~']).trim();
+                open = Some((marker, language));
+                Part::Fence(language)
+            }
+            (None, None) => Part::Prose,
+            (Some((marker, _)), _) if closes(text, marker) => {
+                open = None;
+                Part::End
+            }
+            (Some((_, language)), _) => Part::Code(language),
+        };
+        (line, part)
+    })
+}
+
 /// The lines that are prose: everything but fenced code.
 pub(super) fn prose(text: &str) -> Vec<Line<'_>> {
-    let mut fence = None;
-    let mut lines = Vec::new();
-    for (index, text) in text.lines().enumerate() {
-        match (fence, opening_fence(text)) {
-            (None, Some(marker)) => fence = Some(marker),
-            (None, None) => lines.push(Line {
-                number: index + 1,
-                text,
-            }),
-            (Some(open), _) if closes(text, open) => fence = None,
-            _ => {}
-        }
-    }
-    lines
+    let of_prose = |(line, part)| matches!(part, Part::Prose).then_some(line);
+    parts(text).filter_map(of_prose).collect()
+}
+
+/// The lines of fenced code, each with the language tag of its block.
+pub(super) fn fenced_code(text: &str) -> Vec<(Line<'_>, &str)> {
+    let of_code = |(line, part)| match part {
+        Part::Code(language) => Some((line, language)),
+        _ => None,
+    };
+    parts(text).filter_map(of_code).collect()
 }
 
 /// The language tags of all fenced blocks.
 pub(super) fn fence_languages(text: &str) -> Vec<&str> {
-    let mut fence = None;
-    let mut languages = Vec::new();
-    for line in text.lines() {
-        match (fence, opening_fence(line)) {
-            (None, Some(marker)) => {
-                fence = Some(marker);
-                languages.push(line.trim_start().trim_start_matches(['`', '~']).trim());
-            }
-            (Some(open), _) if closes(line, open) => fence = None,
-            _ => {}
-        }
-    }
-    languages
+    let of_fence = |(_, part)| match part {
+        Part::Fence(language) => Some(language),
+        _ => None,
+    };
+    parts(text).filter_map(of_fence).collect()
 }
 
 /// The run of backticks or tildes that opens fenced code.
@@ -58,6 +83,44 @@ fn closes(line: &str, open: &str) -> bool {
             .is_empty()
 }
 
+/// The code spans of the prose, each with the number of the line on which it starts and with spaces for line ends. A span may
+/// continue on the next line of its paragraph.
+pub(super) fn spans(text: &str) -> Vec<(usize, String)> {
+    let mut paragraphs: Vec<Vec<Line<'_>>> = vec![Vec::new()];
+    let mut last = 0;
+    for line in prose(text) {
+        if line.number != last + 1 || line.text.trim().is_empty() {
+            paragraphs.push(Vec::new());
+        }
+        last = line.number;
+        paragraphs.last_mut().expect("never empty").push(line);
+    }
+    paragraphs
+        .iter()
+        .flat_map(|lines| spans_of_paragraph(lines))
+        .collect()
+}
+
+fn spans_of_paragraph(lines: &[Line<'_>]) -> Vec<(usize, String)> {
+    let mut spans: Vec<(usize, String)> = Vec::new();
+    let mut is_open = false;
+    for line in lines {
+        for (index, piece) in line.text.split('`').enumerate() {
+            let is_continued = index == 0;
+            if !is_continued {
+                is_open = !is_open;
+            }
+            if is_open && is_continued {
+                let (_, span) = spans.last_mut().expect("opened on a line before");
+                *span = format!("{} {}", span.trim_end(), piece.trim());
+            } else if is_open {
+                spans.push((line.number, piece.to_owned()));
+            }
+        }
+    }
+    spans
+}
+
 /// The contents of the code spans of a line.
 pub(super) fn code_spans(line: &str) -> Vec<&str> {
     line.split('`').skip(1).step_by(2).collect()
@@ -75,7 +138,7 @@ pub(super) fn link_targets(line: &str) -> Vec<String> {
     targets
 }
 
-/// The anchors that the headings of a document get, as GitHub makes them.
+/// The anchors of the headings of a document, by the rules of GitHub.
 pub(super) fn anchors(text: &str) -> Vec<String> {
     let mut anchors: Vec<String> = Vec::new();
     for line in prose(text) {
@@ -121,7 +184,27 @@ mod tests {
     }
 
     #[test]
-    fn links_and_code_spans_are_told_apart() {
+    fn lines_of_fenced_code_know_their_language() {
+        let text = "one\n```sh\nls\n```\n```\nplain\n```\n";
+        let lines: Vec<(usize, &str, &str)> = fenced_code(text)
+            .iter()
+            .map(|(line, language)| (line.number, line.text, *language))
+            .collect();
+        assert_eq!(lines, [(3, "ls", "sh"), (6, "plain", "")]);
+    }
+
+    #[test]
+    fn spans_end_with_their_paragraph_and_not_with_their_line() {
+        let text = "run `cargo a\n  --b` and `c`\n\na ` alone\n\n`d`\n```\n`e`\n```\n";
+        let expected = [(1, "cargo a --b"), (2, "c"), (4, " alone"), (6, "d")];
+        assert_eq!(
+            spans(text),
+            expected.map(|(line, span)| (line, span.to_owned()))
+        );
+    }
+
+    #[test]
+    fn links_are_not_code_spans() {
         let line = "see [a](b.md#c), `[x](y)` and ![i](p.png \"title\")";
         assert_eq!(
             link_targets(line),

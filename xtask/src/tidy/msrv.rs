@@ -1,12 +1,12 @@
-//! A fact that documents repeat is the fact: the oldest Rust that compiles the workspace.
+//! Checks that the documents name the oldest Rust that compiles the workspace, and no other.
 
 use serde_json::Value;
 
 use super::Document;
 use super::markdown::prose;
 
-/// Compares every version in the documents with the `rust-version` of the packages. The changelog tells history and is
-/// left out, and so is `rustc 1.x`, which says what a measurement was made with.
+/// Compares every version in the documents with the `rust-version` of the packages. Two kinds are left out: the changelog, which is
+/// history, and `rustc 1.x`, which names the compiler of a measurement.
 pub(super) fn check(documents: &[Document], metadata: &Value) -> Vec<String> {
     let none = Vec::new();
     let packages = metadata["packages"].as_array().unwrap_or(&none);
@@ -16,7 +16,10 @@ pub(super) fn check(documents: &[Document], metadata: &Value) -> Vec<String> {
     let mut complaints = Vec::new();
     for package in packages {
         if package["rust_version"].as_str() != Some(wanted) {
-            complaints.push(format!("{} has a rust-version of its own", package["name"]));
+            complaints.push(format!(
+                "{} differs from the workspace in its rust-version",
+                package["name"]
+            ));
         }
     }
     for document in documents.iter().filter(|d| d.path != "CHANGELOG.md") {
@@ -35,7 +38,7 @@ pub(super) fn check(documents: &[Document], metadata: &Value) -> Vec<String> {
     complaints
 }
 
-/// Rust versions in a line: what follows `Rust `, and every `1.x` in a line that speaks of the version needed.
+/// Rust versions in a line: each after `Rust `, and every `1.x` of a line about the required version.
 fn versions(line: &str) -> Vec<&str> {
     let everywhere = ["MSRV", "rust-version", "Rust version"]
         .iter()
@@ -97,7 +100,7 @@ mod tests {
         let complaints = check(&[], &json!({ "packages": packages }));
         assert_eq!(
             complaints,
-            ["\"kd-core\" has a rust-version of its own"],
+            ["\"kd-core\" differs from the workspace in its rust-version"],
             "{complaints:?}"
         );
         assert_eq!(

@@ -1,4 +1,4 @@
-//! Rust in the documents is compiled: a document with Rust in it is included by the facade as a doc test.
+//! Checks that Rust in the documents is compiled: the facade includes every document with Rust in it as a doc test.
 
 use super::Document;
 use super::markdown::fence_languages;
