@@ -1,4 +1,5 @@
-//! `results`: `docs/results.md`, the figures of all recorded runs, each with its command and its record.
+//! `results`: `docs/results.md`, the figures of all recorded runs, each with its command and its record, and the table of results
+//! in `README.md`, which is an excerpt of it.
 //!
 //! A record of any command is a file of JSON lines. `results.toml` declares the views of each: which lines form a row, and which
 //! fields form the columns.
@@ -17,17 +18,33 @@ use crate::view::{Mean, mean, number};
 
 const VIEWS: &str = include_str!("../results.toml");
 
+/// The lines of `README.md` around its table.
+const MARKS: [&str; 2] = [
+    "<!-- results: `cargo xtask results` writes this table -->\n",
+    "<!-- end of results -->\n",
+];
+
 /// What to do with the document.
 #[derive(Args, Debug)]
 pub(crate) struct ResultsArgs {
-    /// Write nothing; fail if docs/results.md differs from the document of the records
+    /// Write nothing; fail if docs/results.md or the table in README.md differs from the records
     #[arg(long)]
     check: bool,
 }
 
 #[derive(Debug, Deserialize)]
 struct Views {
+    readme: Excerpt,
     section: Vec<Section>,
+}
+
+/// Some rows of the first table of a section.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Excerpt {
+    section: String,
+    /// The first cells of these rows.
+    rows: Vec<String>,
 }
 
 /// A recorded run.
@@ -57,59 +74,122 @@ struct Table {
     scenes: bool,
 }
 
-/// Writes or checks the document; false if it differs.
+/// Writes or checks both documents; false if one differs.
 pub(crate) fn run(arguments: &ResultsArgs) -> anyhow::Result<bool> {
-    let (document, path) = (document()?, workspace_root().join("docs/results.md"));
-    if !arguments.check {
-        run_folder::write_all([Some(path)], document)?;
-        return Ok(true);
+    let mut are_current = true;
+    for (path, wanted) in documents()? {
+        let path = workspace_root().join(path);
+        if !arguments.check {
+            run_folder::write_all([Some(path)], wanted)?;
+        } else if fs::read_to_string(&path)? != wanted {
+            eprintln!("{}: run `cargo xtask results`", path.display());
+            are_current = false;
+        }
     }
-    let is_current = fs::read_to_string(path).is_ok_and(|present| present == document);
-    if !is_current {
-        eprintln!("docs/results.md differs from the records: run `cargo xtask results`");
-    }
-    Ok(is_current)
+    Ok(are_current)
 }
 
-fn document() -> anyhow::Result<String> {
-    let mut text = String::from(
-        "# Results\n\n`cargo xtask results` makes this file from [benches/records](../benches/records): do not edit it. Times are \
-         those of a shared two-core machine and vary by a tenth and more from run to run; ratios of pairs vary by some hundredths. \
-         `DIR` is a folder of meshes or animations that are not part of this repository.\n",
-    );
+/// The path and the text of each document.
+fn documents() -> anyhow::Result<[(&'static str, String); 2]> {
     let views: Views = toml::from_str(VIEWS)?;
-    for section in views.section {
-        let written = section.write(&mut text);
-        written.with_context(|| format!("results.toml, {}", section.title))?;
+    let readme = fs::read_to_string(workspace_root().join("README.md"))?;
+    let table = views.excerpt().context("results.toml, readme")?;
+    Ok([
+        ("docs/results.md", views.document()?),
+        ("README.md", with_table(&readme, &table)?),
+    ])
+}
+
+/// A text with another table between its [`MARKS`].
+fn with_table(text: &str, table: &str) -> anyhow::Result<String> {
+    let (before, rest) = text.split_once(MARKS[0]).context("the mark of a table")?;
+    let (_, after) = rest.split_once(MARKS[1]).context("the end of a table")?;
+    Ok([before, MARKS[0], table, MARKS[1], after].concat())
+}
+
+impl Views {
+    fn document(&self) -> anyhow::Result<String> {
+        let mut text = String::from(
+            "# Results\n\n`cargo xtask results` makes this file from [benches/records](../benches/records): do not edit it. Times are \
+             those of a shared two-core machine and vary by a tenth and more from run to run; ratios of pairs vary by some hundredths. \
+             `DIR` is a folder of meshes or animations that are not part of this repository.\n",
+        );
+        for section in &self.section {
+            let written = section.write(&mut text);
+            written.with_context(|| format!("results.toml, {}", section.title))?;
+        }
+        Ok(text)
     }
-    Ok(text)
+
+    /// The table of `README.md`, with its command.
+    fn excerpt(&self) -> anyhow::Result<String> {
+        let Excerpt { section, rows } = &self.readme;
+        let mut sections = self.section.iter();
+        let section = sections.find(|one| one.title == *section);
+        let section = section.context("there is no such section")?;
+        let values = section.values()?;
+        let table = section.table.first().context("a table")?;
+        let table = table.markdown(table.lines(&values)?)?;
+        let mut lines = table.lines();
+        let head = lines.by_ref().take(2);
+        let mut text: String = head.map(|line| format!("{line}\n")).collect();
+        for row in rows {
+            let start = format!("| {row} |");
+            let line = table.lines().find(|line| line.starts_with(&start));
+            let line = line.with_context(|| format!("there is no row `{row}`"))?;
+            writeln!(text, "{line}")?;
+        }
+        let (note, command, file) = (&section.note, &section.command, &section.file);
+        let date = section.date()?;
+        writeln!(
+            text,
+            "\n{note}\n(`{command}`, {date}, [the record](benches/records/{file}))"
+        )?;
+        Ok(text)
+    }
 }
 
 impl Section {
-    fn write(&self, text: &mut String) -> anyhow::Result<()> {
+    /// The lines of the record.
+    fn values(&self) -> anyhow::Result<Vec<Value>> {
         let path = workspace_root().join("benches/records").join(&self.file);
         let record = fs::read_to_string(path)?;
         let values = serde_json::Deserializer::from_str(&record).into_iter();
-        let values: Vec<Value> = values.collect::<Result<_, _>>()?;
+        Ok(values.collect::<Result<_, _>>()?)
+    }
+
+    fn date(&self) -> anyhow::Result<&str> {
+        self.file.get(..10).context("files start with a date")
+    }
+
+    fn write(&self, text: &mut String) -> anyhow::Result<()> {
+        let values = self.values()?;
         let (title, note, command, file) = (&self.title, &self.note, &self.command, &self.file);
-        let date = file.get(..10).context("files start with a date")?;
+        let date = self.date()?;
         writeln!(
             text,
             "\n## {title}\n\n{note}\n(`{command}`, {date}, [the record](../benches/records/{file}))"
         )?;
         for table in &self.table {
-            let lines = match &table.lines {
-                Some(field) => at(&values[0], field).as_array().context("a list")?,
-                None => &values,
-            };
             *text += "\n";
-            *text += &table.markdown(lines)?;
+            *text += &table.markdown(table.lines(&values)?)?;
         }
         Ok(())
     }
 }
 
 impl Table {
+    /// The lines of a record that it is a view of.
+    fn lines<'a>(&self, values: &'a [Value]) -> anyhow::Result<&'a [Value]> {
+        match &self.lines {
+            Some(field) => {
+                let first = values.first().context("an object")?;
+                Ok(at(first, field).as_array().context("a list")?)
+            }
+            None => Ok(values),
+        }
+    }
+
     fn markdown(&self, lines: &[Value]) -> anyhow::Result<String> {
         let mut rows: Vec<(Vec<String>, Vec<&Value>)> = Vec::new();
         for line in lines {
@@ -313,10 +393,20 @@ mod tests {
     }
 
     #[test]
-    fn the_document_is_current() {
-        let path = workspace_root().join("docs/results.md");
-        let present = fs::read_to_string(path).expect("committed");
-        let document = document().expect("readable records");
-        assert!(present == document, "run `cargo xtask results`");
+    fn a_table_is_replaced_between_its_marks() {
+        let text = format!("a\n{}old\n{}b\n", MARKS[0], MARKS[1]);
+        let expected = format!("a\n{}new\n{}b\n", MARKS[0], MARKS[1]);
+        assert_eq!(with_table(&text, "new\n").expect("marks"), expected);
+        for wrong in ["", MARKS[0], MARKS[1]] {
+            assert!(with_table(wrong, "new\n").is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_documents_are_current() {
+        for (path, wanted) in documents().expect("readable records") {
+            let present = fs::read_to_string(workspace_root().join(path)).expect("committed");
+            assert!(present == wanted, "{path}: run `cargo xtask results`");
+        }
     }
 }

@@ -228,7 +228,7 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 10] = [
+const XTASK: [Options; 11] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
     options("rays", [true, true, true], Some(Tool::Embree)),
@@ -239,6 +239,7 @@ const XTASK: [Options; 10] = [
     options("report", [false, false, false], None),
     options("calibrate", [true, true, false], None),
     options("compare", [false, false, false], None),
+    options("results", [false, false, false], None),
 ];
 
 fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
@@ -290,6 +291,10 @@ fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
     if is_merge_table && !is_smoke {
         call.extend(owned(&["--ray-limit", "256"]));
     }
+    if name == "results" && !has(&call, "--check") {
+        // The document itself stays as it is.
+        call.push("--check".into());
+    }
     if options.out && !has(&call, "--out") && !is_help {
         call.extend(owned(&["--out", RUNS]));
     }
@@ -321,6 +326,7 @@ mod tests {
                 "cargo xtask bench --scenes DIR --scene bunny --builder exact --samples 15",
                 "xtask bench --scenes scenes --scene bunny --builder exact --samples 1 --smoke --out runs",
             ),
+            ("cargo xtask results", "xtask results --check"),
             (
                 "cargo xtask rays --scenes DIR",
                 "xtask rays --scenes scenes --scene small --samples 1 --smoke --out runs",
