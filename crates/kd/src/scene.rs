@@ -1,4 +1,4 @@
-//! Static and moving parts, traced together: [`Scene`](crate::Scene), its strategies, reports and errors.
+//! Static and moving parts, traced together: [`Scene`], its strategies, reports and errors.
 
 mod apply;
 mod error;
