@@ -25,10 +25,10 @@ const ABSENT: u8 = 1;
 const PRESENT: u8 = 2;
 
 impl Avx2 {
-    /// The proof, on a processor that has these instructions. All processors with AVX2 that are sold have the others.
+    /// The proof, on a processor that has these instructions. Every known processor with AVX2 has the others.
     #[inline]
     pub fn detect() -> Option<Self> {
-        // No other memory depends on it, and every thread finds the same.
+        // No other memory depends on it, and every thread detects the same.
         match DETECTED.load(Ordering::Relaxed) {
             PRESENT => Some(Self(())),
             ABSENT => None,
@@ -49,15 +49,15 @@ impl Avx2 {
     }
 }
 
-/// Eight numbers. Made by means of an [`Avx2`] only, as are those below.
+/// Eight lanes of f32. Only an [`Avx2`] makes them, and the lanes below.
 #[derive(Clone, Copy, Debug)]
 pub struct Floats(__m256);
 
-/// Eight numbers. (Two registers, so that there is something to do while one of a chain of operations takes its time.)
+/// Eight lanes of f64. (Two registers: their operations overlap, where a chain of operations on one has latency.)
 #[derive(Clone, Copy, Debug)]
 pub struct Doubles([__m256d; 2]);
 
-/// Three numbers of f64. The fourth lane means nothing.
+/// Three numbers of f64. The fourth lane is meaningless.
 #[derive(Clone, Copy, Debug)]
 pub struct Corners(__m256d);
 
@@ -81,31 +81,31 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn run<T: Task<Self>>(self, task: T) -> T::Output {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         unsafe { run(self, task) }
     }
 
     #[inline(never)]
     fn apart<T: Task<Self>>(self, task: T) -> T::Output {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         unsafe { run(self, task) }
     }
 
     #[inline(always)]
     fn splat(self, x: f32) -> Floats {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         Floats(unsafe { _mm256_set1_ps(x) })
     }
 
     #[inline(always)]
     fn load(self, from: &[f32; LANES]) -> Floats {
-        // SAFETY: there is an `Avx2`, and eight numbers to read.
+        // SAFETY: `self` proves that the processor has AVX2, and eight numbers to read.
         Floats(unsafe { _mm256_loadu_ps(from.as_ptr()) })
     }
 
     #[inline(always)]
     fn values(self, [a, b, c, d, e, f, g, h]: [f32; LANES]) -> Floats {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         Floats(unsafe { _mm256_setr_ps(a, b, c, d, e, f, g, h) })
     }
 
@@ -116,7 +116,7 @@ impl Simd for Avx2 {
         for (x, row) in x.iter_mut().zip(rows) {
             *x = self.load(row).0;
         }
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         unsafe {
             // Pairs of rows, then fours, then both halves.
             for i in 0..4 {
@@ -150,14 +150,14 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn splat_f64(self, x: f64) -> Doubles {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         Doubles([unsafe { _mm256_set1_pd(x) }; 2])
     }
 
     #[inline(always)]
     fn widen(self, from: &[f32; LANES]) -> Doubles {
         let all = self.load(from).0;
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         let (low, high) = unsafe { (_mm256_castps256_ps128(all), _mm256_extractf128_ps::<1>(all)) };
         // SAFETY: the same.
         Doubles(unsafe { [_mm256_cvtps_pd(low), _mm256_cvtps_pd(high)] })
@@ -165,31 +165,31 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn triple(self, [a, b, c]: [f32; 3]) -> Corners {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         Corners(unsafe { _mm256_cvtps_pd(_mm_setr_ps(a, b, c, 0.0)) })
     }
 
     #[inline(always)]
     fn splat_u32(self, x: u32) -> Counters {
-        // SAFETY: there is an `Avx2`.
+        // SAFETY: `self` proves that the processor has AVX2.
         Counters(unsafe { _mm256_set1_epi32(x.cast_signed()) })
     }
 }
 
-/// What each register of some lanes goes through, with those of other lanes.
+/// Applies an instruction to each register of some lanes, with those of other lanes.
 macro_rules! each {
     ($lanes:ident, $instruction:expr, $a:expr, $b:expr, one) => {{
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         $lanes(unsafe { $instruction($a.0, $b.0) })
     }};
     ($lanes:ident, $instruction:expr, $a:expr, $b:expr, two) => {{
         let ([a, b], [c, d]) = ($a.0, $b.0);
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         $lanes(unsafe { [$instruction(a, c), $instruction(b, d)] })
     }};
 }
 
-/// An operator that is an instruction.
+/// Operators that are one instruction.
 macro_rules! operator {
     ($lanes:ident, $count:ident: $($trait:ident $function:ident $instruction:ident),* $(,)?) => {$(
         impl $trait for $lanes {
@@ -220,7 +220,7 @@ operator!(
 operator!(FloatMask, one: BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
 operator!(DoubleMask, two: BitAnd bitand _mm256_and_pd, BitOr bitor _mm256_or_pd);
 
-/// The rest of what both kinds of lanes can do.
+/// [`Number`] for both kinds of lanes.
 macro_rules! numbers {
     ($lanes:ident, $mask:ident, $count:ident, $andnot:ident, $min:ident, $max:ident, $compare:ident, $xor:ident) => {
         impl Number for $lanes {
@@ -295,57 +295,57 @@ numbers!(
 );
 
 impl Floats {
-    /// The bit of the sign alone. There must be other lanes already.
+    /// The bit of the sign alone. Only for callers that have such lanes.
     #[inline(always)]
     fn sign() -> Self {
-        // SAFETY: called for such lanes only, so there is AVX2.
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
         Self(unsafe { _mm256_set1_ps(-0.0) })
     }
 
     #[inline(always)]
     fn blend(self, mask: FloatMask, other: Self) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { _mm256_blendv_ps(other.0, self.0, mask.0) })
     }
 }
 
 impl Doubles {
-    /// The bit of the sign alone. There must be other lanes already.
+    /// The bit of the sign alone. Only for callers that have such lanes.
     #[inline(always)]
     fn sign() -> Self {
-        // SAFETY: called for such lanes only, so there is AVX2.
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
         Self([unsafe { _mm256_set1_pd(-0.0) }; 2])
     }
 
-    /// Zero. There must be other lanes already.
+    /// Zero. Only for callers that have such lanes.
     #[inline(always)]
     fn zero() -> Self {
-        // SAFETY: called for such lanes only, so there is AVX2.
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
         Self([unsafe { _mm256_setzero_pd() }; 2])
     }
 
     #[inline(always)]
     fn blend(self, mask: DoubleMask, other: Self) -> Self {
         let ([a, b], [c, d], [m, n]) = (self.0, other.0, mask.0);
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { [_mm256_blendv_pd(c, a, m), _mm256_blendv_pd(d, b, n)] })
     }
 }
 
 impl FloatMask {
-    /// All bits. There must be other lanes already.
+    /// All bits. Only for callers that have such lanes.
     #[inline(always)]
     fn all() -> Self {
-        // SAFETY: called for such lanes only, so there is AVX2.
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
         Self(unsafe { _mm256_set1_ps(f32::from_bits(u32::MAX)) })
     }
 }
 
 impl DoubleMask {
-    /// All bits. There must be other lanes already.
+    /// All bits. Only for callers that have such lanes.
     #[inline(always)]
     fn all() -> Self {
-        // SAFETY: called for such lanes only, so there is AVX2.
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
         Self([unsafe { _mm256_set1_pd(f64::from_bits(u64::MAX)) }; 2])
     }
 }
@@ -353,7 +353,7 @@ impl DoubleMask {
 impl Mask for FloatMask {
     #[inline(always)]
     fn bits(self) -> u32 {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         unsafe { _mm256_movemask_ps(self.0) }.cast_unsigned()
     }
 }
@@ -362,7 +362,7 @@ impl Mask for DoubleMask {
     #[inline(always)]
     fn bits(self) -> u32 {
         let [a, b] = self.0;
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         let (a, b) = unsafe { (_mm256_movemask_pd(a), _mm256_movemask_pd(b)) };
         (a | b << 4).cast_unsigned()
     }
@@ -374,14 +374,14 @@ fn run<T: Task<Avx2>>(simd: Avx2, task: T) -> T::Output {
     task.run(simd)
 }
 
-/// The same, without the compiler knowing. It makes one instruction, a masked store, of a load, a choice and a store to the
-/// same place, and on Zen 3 that took a twentieth of the time of camera rays (2026-11-25, five meshes).
+/// The identity, opaque to the compiler. Otherwise it fuses a load, a blend and a store to one address into a masked store, which
+/// took a twentieth of the time of camera rays on Zen 3 (2026-11-25, five meshes).
 #[target_feature(enable = "avx2")]
 #[inline]
 #[cfg_attr(miri, allow(unused_mut, reason = "Miri runs no assembly"))]
 fn opaque(mut lanes: __m256) -> __m256 {
     #[cfg(not(miri))]
-    // SAFETY: there are no instructions.
+    // SAFETY: the block is empty.
     unsafe {
         std::arch::asm!("/* {0} */", inout(ymm_reg) lanes, options(pure, nomem, nostack, preserves_flags));
     }
@@ -391,19 +391,19 @@ fn opaque(mut lanes: __m256) -> __m256 {
 impl F32x8 for Floats {
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: there are such lanes, so there are AVX2 and FMA.
+        // SAFETY: such lanes exist, so the processor has AVX2 and FMA.
         Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, term.0) })
     }
 
     #[inline(always)]
     fn store(self, to: &mut [f32; LANES]) {
-        // SAFETY: there are such lanes, so there is AVX2, and room for eight.
+        // SAFETY: such lanes exist, so the processor has AVX2, and room for eight.
         unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) };
     }
 
     #[inline(always)]
     fn store_where(self, mask: FloatMask, to: &mut [f32; LANES]) {
-        // SAFETY: there are such lanes, so there is AVX2, and eight numbers to read.
+        // SAFETY: such lanes exist, so the processor has AVX2, and eight numbers to read.
         let old = Self(unsafe { _mm256_loadu_ps(to.as_ptr()) });
         // SAFETY: the same.
         Self(unsafe { opaque(self.blend(mask, old).0) }).store(to);
@@ -411,9 +411,9 @@ impl F32x8 for Floats {
 
     #[inline(always)]
     fn put(mask: FloatMask, number: u32, to: &mut [u32; LANES]) {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         let new = Self(unsafe { _mm256_set1_ps(f32::from_bits(number)) });
-        // Whatever bits they have, they are only copied.
+        // The bits are only copied.
         new.store_where(mask, bytemuck::must_cast_mut(to));
     }
 
@@ -429,7 +429,7 @@ impl U32x8 for Counters {
 
     #[inline(always)]
     fn count(self, mask: FloatMask) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2. True is -1.
+        // SAFETY: such lanes exist, so the processor has AVX2. True is -1.
         Self(unsafe { _mm256_sub_epi32(self.0, _mm256_castps_si256(mask.0)) })
     }
 
@@ -442,7 +442,7 @@ impl U32x8 for Counters {
 impl Real for Doubles {
     #[inline(always)]
     fn scaled(self, factor: f64) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self([unsafe { _mm256_set1_pd(factor) }; 2]) * self
     }
 
@@ -476,7 +476,7 @@ impl F64x8 for Doubles {
     fn narrow(self) -> [f32; LANES] {
         let [a, b] = self.0;
         let mut array = [0.0; LANES];
-        // SAFETY: there are such lanes, so there is AVX2, and room for eight.
+        // SAFETY: such lanes exist, so the processor has AVX2, and room for eight.
         unsafe {
             let all = _mm256_set_m128(_mm256_cvtpd_ps(b), _mm256_cvtpd_ps(a));
             _mm256_storeu_ps(array.as_mut_ptr(), all);
@@ -493,16 +493,16 @@ operator!(
 );
 
 impl Corners {
-    /// The same number three times. There must be other lanes already.
+    /// The same number three times. Only for callers that have such lanes.
     #[inline(always)]
     fn splat(x: f64) -> Self {
-        // SAFETY: called for such lanes only, so there is AVX2.
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
         Self(unsafe { _mm256_set1_pd(x) })
     }
 
     #[inline(always)]
     fn to_array(self) -> [f64; 3] {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         unsafe {
             let low = _mm256_castpd256_pd128(self.0);
             let high = _mm256_extractf128_pd::<1>(self.0);
@@ -530,13 +530,13 @@ impl Triple for Corners {
 
     #[inline(always)]
     fn next(self) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(self.0) })
     }
 
     #[inline(always)]
     fn previous(self) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { _mm256_permute4x64_pd::<0b11_01_00_10>(self.0) })
     }
 
@@ -548,7 +548,7 @@ impl Triple for Corners {
 
     #[inline(always)]
     fn abs(self) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
     }
 
@@ -566,7 +566,7 @@ impl Triple for Corners {
     #[inline(always)]
     fn is_one_sided(self) -> bool {
         const ALL: i32 = 0b111;
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         let (above, below) = unsafe {
             let zero = _mm256_setzero_pd();
             (
@@ -584,7 +584,7 @@ impl Triple for Corners {
 
     #[inline(always)]
     fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe {
             let (add, mask) = (
                 _mm256_set1_epi64x(add.cast_signed()),
@@ -597,13 +597,13 @@ impl Triple for Corners {
 
     #[inline(always)]
     fn with_first(self, first: f64) -> Self {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { _mm256_blend_pd::<1>(self.0, _mm256_set1_pd(first)) })
     }
 
     #[inline(always)]
     fn over(self, divisor: f64) -> [f64; 3] {
-        // SAFETY: there are such lanes, so there is AVX2.
+        // SAFETY: such lanes exist, so the processor has AVX2.
         Self(unsafe { _mm256_div_pd(self.0, _mm256_set1_pd(divisor)) }).to_array()
     }
 }

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-/// The allowed edges, and the only place where they are written down for a machine. `docs/architecture.md` tells why.
+/// The allowed edges, and the only machine-readable list of them. `docs/architecture.md` explains them.
 /// Dev-dependencies are free: tests may look at anything.
 const EDGES: &[(&str, &[&str])] = &[
     ("kd-core", &[]),
@@ -49,7 +49,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("xtask", &[]),
 ];
 
-/// Compares what `cargo metadata` tells with [`EDGES`].
+/// Compares the output of `cargo metadata` with [`EDGES`].
 pub(super) fn check(metadata: &Value) -> Vec<String> {
     let none = Vec::new();
     let packages = metadata["packages"].as_array().unwrap_or(&none);

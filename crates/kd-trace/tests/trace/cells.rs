@@ -28,7 +28,7 @@ impl CutTree {
         ]
     }
 
-    /// Cuts below so many levels, and packs the trees there for a level of instructions.
+    /// Divides cells down to this number of levels, and packs the trees there for a level of instructions.
     fn new(tree: &Tree, mesh: &Mesh, levels: usize, instructions: Level) -> Self {
         let cut = Cut {
             tree,

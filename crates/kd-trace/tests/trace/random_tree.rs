@@ -87,7 +87,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Which sides a triangle goes to: as few as are right, chosen anew for what lies in the plane.
+    /// The sides of a triangle: as few as are right, at random for a triangle in the plane.
     fn sides(&mut self, triangle: u32, axis: Axis, split: f32, cell: &Aabb) -> (bool, bool) {
         let Some(part) = clipped_bounds(self.mesh.corners(triangle), cell) else {
             // Rounding: an earlier plane let it in, but nothing of it is left here. Keep it.

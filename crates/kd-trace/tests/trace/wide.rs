@@ -9,7 +9,7 @@ use crate::check::{Subject, check, source};
 use crate::rng::Rng;
 use crate::scenes::{Soup, soup};
 
-/// So many triangles in one place, each a little further along z.
+/// Triangles in pairs at one place, each pair a little further along z.
 fn pile(triangles: usize) -> kd_core::Mesh {
     let mut pile = Soup::default();
     for i in 0..triangles {
