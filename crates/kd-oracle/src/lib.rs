@@ -35,6 +35,7 @@
 )]
 
 mod check;
+pub mod effort;
 pub mod rays;
 pub mod rng;
 pub mod scenes;

@@ -11,6 +11,7 @@ pub use rays::*;
 use kd_core::{Mesh, Ray};
 
 use crate::check::{Answers, check, source};
+use crate::effort;
 use crate::rays::Rays;
 
 /// What answers rays over a mesh: structures of one kind, each built in another way.
@@ -24,9 +25,10 @@ pub type Build = for<'a> fn(&'a Mesh) -> Structures<'a>;
 pub struct Subject {
     /// Builds it.
     pub build: Build,
-    /// Random rays around each mesh of its own kind; a fifth of them where there is a row of scales.
+    /// Random rays around each mesh of its own kind with the feature `long-tests`, a tenth of them without; a fifth of them where
+    /// there is a row of scales.
     pub rays: usize,
-    /// Points in each closed mesh from which rays are aimed at all of its edges.
+    /// Most points in each closed mesh from which rays are aimed at all of its edges; at most two without `long-tests`.
     pub points: usize,
 }
 
@@ -119,6 +121,7 @@ impl<'a> Over<'a> {
     /// The same; so many in a hundred must hit, at least.
     #[track_caller]
     fn ask_random_and_hit(&self, seed: u64, rays: usize, per_cent: usize) {
+        let rays = effort::count(rays.div_ceil(10), rays);
         let hit = self.ask_random(seed, rays);
         let name = &self.name;
         assert!(100 * hit >= per_cent * rays, "{name}: {hit} of {rays} hit");

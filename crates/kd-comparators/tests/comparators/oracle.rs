@@ -4,12 +4,13 @@ use std::slice;
 
 use glam::Vec3;
 use kd_core::Mesh;
+use kd_oracle::effort;
 use kd_scene::Spd;
 
 use crate::check::{Subject, check, rays};
 use crate::scenes::Soup;
 
-const RAYS: usize = 5_000;
+const RAYS: usize = effort::count(1_000, 5_000);
 
 #[track_caller]
 fn check_scene(name: &str, mesh: &Mesh, count: usize) {

@@ -1,13 +1,14 @@
 //! Random meshes, random rays.
 
 use kd_core::Ray;
+use kd_oracle::effort;
 use kd_oracle::strategies::{coordinate, mesh, point};
 use proptest::prelude::*;
 
 use crate::check::{Subject, check, rays};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(150))]
+    #![proptest_config(ProptestConfig::with_cases(effort::cases(30, 150)))]
 
     #[test]
     fn both_agree_with_brute_force(mesh in mesh(), seed: u64) {
