@@ -1,4 +1,4 @@
-//! Kernels one at a time, for work on them: `cargo bench -p kd-bench`. Whole scenes are `cargo xtask bench`.
+//! Measures kernels one at a time: `cargo bench -p kd-bench --features kernels`. `cargo xtask bench` measures whole scenes.
 
 use std::hint::black_box;
 use std::sync::Arc;

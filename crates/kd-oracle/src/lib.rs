@@ -37,6 +37,7 @@
 )]
 
 mod check;
+pub mod effort;
 pub mod rays;
 pub mod rng;
 pub mod scenes;

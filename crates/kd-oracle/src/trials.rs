@@ -15,6 +15,7 @@ use kd_core::{Hit, Mesh, Ray};
 use kd_trace::RayQuery;
 
 use crate::check::{check, source};
+use crate::effort;
 use crate::rays::Rays;
 
 /// A structure under test.
@@ -52,9 +53,10 @@ pub type Build = for<'a> fn(&'a Arc<Mesh>) -> Vec<Structure<'a>>;
 pub struct Subject {
     /// Builds the structures.
     pub build: Build,
-    /// Number of random rays around each mesh; a fifth of that for each of several scales.
+    /// Number of random rays around each mesh with the feature `long-tests`, a tenth of it without; a fifth of that for each of
+    /// several scales.
     pub rays: usize,
-    /// Number of points in each closed mesh from which rays are aimed at all edges.
+    /// Number of points in each closed mesh from which rays are aimed at all edges; at most two without `long-tests`.
     pub points: usize,
 }
 
@@ -146,6 +148,7 @@ impl<'a> Over<'a> {
     /// Checks random rays, of which at least `per_cent` in a hundred must hit.
     #[track_caller]
     fn check_random(&self, seed: u64, rays: usize, per_cent: usize) {
+        let rays = effort::count(rays.div_ceil(10), rays);
         let mut source = self.random_rays(seed);
         let hit = (0..rays).filter(|_| self.check(&source.draw()) > 0).count();
         let name = &self.name;

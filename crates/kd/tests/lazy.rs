@@ -9,6 +9,7 @@ use fastrand::Rng;
 use kd::glam::Vec3;
 use kd::tree::{Axis, NodeView};
 use kd::{BuildError, BuildOptions, Hit, KdTree, LazyTree, Mesh, Method, Ray};
+use kd_oracle::effort;
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::{rays_for, vertex_of};
@@ -22,8 +23,8 @@ const SCENES: [(Spd, u32); 4] = [
 ];
 
 /// Rays of the usual kinds, and rays that start on planes of the tree.
-const RAYS: usize = 10_000;
-const RAYS_ON_PLANES: usize = 2_000;
+const RAYS: usize = effort::count(2_000, 10_000);
+const RAYS_ON_PLANES: usize = effort::count(1_000, 2_000);
 
 fn builders() -> [(&'static str, BuildOptions); 4] {
     [

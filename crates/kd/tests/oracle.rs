@@ -8,12 +8,13 @@ use std::thread;
 
 use kd::layout::WideTree;
 use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray};
+use kd_oracle::effort;
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
 
-/// Each scene at a size with few triangles, some more than once, and the number of rays traced through all of them. The smallest
-/// `shells` is large.
+/// Each scene at a size with few triangles, some more than once, and the number of rays traced through all of them in long tests.
+/// The smallest `shells` is large.
 const SCENES: [(Spd, u32, usize); 15] = [
     (Spd::Balls, 1, 100_000),
     (Spd::Gears, 1, 100_000),
@@ -135,6 +136,7 @@ fn every_query_on_every_scene_equals_brute_force() {
 }
 
 fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
+    let count = effort::count(count / 10, count);
     let mesh = mesh_of(scene, size);
     let rays = rays_for(&mesh, count, 1);
     let expected: Vec<Option<Hit>> = rays
@@ -187,7 +189,7 @@ fn ordered_hits_on_every_scene_equal_brute_force() {
     let mut found = Vec::new();
     for (scene, size, count) in SCENES {
         let mesh = mesh_of(scene, size);
-        let rays = rays_for(&mesh, count / 20, 2);
+        let rays = rays_for(&mesh, effort::count(count / 100, count / 20), 2);
         let most = |i: usize| [1, 2, 4, usize::MAX][i % 4];
         let expected: Vec<Vec<Hit>> = rays
             .iter()

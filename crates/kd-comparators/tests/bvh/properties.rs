@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use kd_core::{CostModel, Ray};
+use kd_oracle::effort;
 use kd_oracle::strategies::{coordinate, mesh, point};
 use proptest::prelude::*;
 
@@ -11,7 +12,7 @@ use crate::packets::check_packet;
 use crate::sweep::check_same_tree;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::with_cases(effort::cases(60, 300)))]
 
     #[test]
     fn all_hierarchies_agree_with_brute_force(mesh in mesh(), seed: u64) {

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use glam::Vec3;
 use kd_comparators::CellOptions;
 use kd_core::Mesh;
+use kd_oracle::effort;
 use kd_scene::Spd;
 
 use crate::check::{Pair, check, rays};
 use crate::scenes::Soup;
 
-const RAYS: usize = 5_000;
+const RAYS: usize = effort::count(1_000, 5_000);
 
 #[track_caller]
 fn check_scene(name: &str, mesh: &Arc<Mesh>, count: usize) {

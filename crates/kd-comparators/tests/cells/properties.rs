@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use kd_comparators::CellOptions;
 use kd_core::Ray;
+use kd_oracle::effort;
 use kd_oracle::strategies::{coordinate, mesh, point};
 use proptest::prelude::*;
 
 use crate::check::{Pair, check, rays};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(150))]
+    #![proptest_config(ProptestConfig::with_cases(effort::cases(30, 150)))]
 
     #[test]
     fn both_agree_with_brute_force(mesh in mesh(), seed: u64) {

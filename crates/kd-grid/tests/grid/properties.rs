@@ -5,6 +5,7 @@ use std::sync::Arc;
 use kd_core::Ray;
 use kd_grid::{GridOptions, Overlap};
 use kd_oracle::check;
+use kd_oracle::effort;
 use kd_oracle::rays::Rays;
 use kd_oracle::strategies::{coordinate, mesh, point};
 use proptest::prelude::*;
@@ -21,7 +22,7 @@ fn options() -> impl Strategy<Value = GridOptions> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(500))]
+    #![proptest_config(ProptestConfig::with_cases(effort::cases(100, 500)))]
 
     #[test]
     fn any_grid_agrees_with_brute_force(mesh in mesh(), options in options(), seed: u64) {

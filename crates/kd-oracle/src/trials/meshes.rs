@@ -7,6 +7,7 @@ use kd_core::{Mesh, Ray};
 
 use super::{Over, Subject};
 use crate::check::source;
+use crate::effort;
 use crate::rays::that_cannot_hit;
 use crate::rng::Rng;
 use crate::scenes::{self, Soup};
@@ -203,7 +204,8 @@ pub fn closed_meshes_hold_every_ray(subject: &Subject) {
     for (name, mesh, inside) in closed_meshes() {
         let mesh = Arc::new(mesh);
         let closed = Over::new(subject, name.clone(), &mesh);
-        let origins = &inside[..subject.points.min(inside.len())];
+        let points = subject.points.min(effort::count(2, usize::MAX));
+        let origins = &inside[..points.min(inside.len())];
         check_closed(&name, &mesh, origins, |ray| closed.check(ray));
     }
 }

@@ -1,13 +1,14 @@
 //! Every query in every tree is equal to brute force, bit for bit.
 
 use kd_core::Mesh;
+use kd_oracle::effort;
 use kd_sah::{BuildOptions, Method, build};
 
 use crate::check::{self, Subject, check};
 use crate::random_tree::random_tree;
 use crate::scenes;
 
-const RAYS: usize = 100_000;
+const RAYS: usize = effort::count(2_000, 100_000);
 
 #[track_caller]
 fn check_scene(name: &str, mesh: &Mesh, rays: usize) {

@@ -1,6 +1,7 @@
 //! Random meshes, random trees, random rays.
 
 use kd_core::Ray;
+use kd_oracle::effort;
 use kd_oracle::strategies::{coordinate, mesh, point};
 use kd_sah::{BuildOptions, build};
 use proptest::prelude::*;
@@ -9,7 +10,7 @@ use crate::check::{self, Subject, check};
 use crate::random_tree::random_tree;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(600))]
+    #![proptest_config(ProptestConfig::with_cases(effort::cases(100, 600)))]
 
     #[test]
     fn all_trees_agree_with_brute_force(mesh in mesh(), seed: u64) {

@@ -72,8 +72,9 @@ pub(super) fn form_of(line: &str) -> Result<Form, String> {
         ["cargo", "xtask", name, rest @ ..] => of_xtask(name, rest),
         ["cargo", "run", rest @ ..] => of_run(rest),
         ["cargo", "doc", rest @ ..] => Ok(small(of_doc(rest))),
-        ["cargo", "bench", rest @ ..] => Ok(small(of_bench(rest))),
-        ["cargo", name @ ("build" | "check" | "test"), rest @ ..]
+        ["cargo", "bench", ..] => Ok(small(of_bench())),
+        ["cargo", "test", rest @ ..] => of_test(rest),
+        ["cargo", name @ ("build" | "check"), rest @ ..]
             if rest.iter().any(|word| ["-p", "--package"].contains(word)) =>
         {
             Ok(small(owned(&[&[*name], rest].concat())))
@@ -149,9 +150,42 @@ fn of_doc(rest: &[&str]) -> Vec<String> {
     )
 }
 
-/// Each benchmark of criterion once, as a test, which compiles without optimization.
-fn of_bench(rest: &[&str]) -> Vec<String> {
-    owned(&[&["test", "--benches"], rest].concat())
+/// The features with which `.ci/run` tests the workspace: with others, and with a part of the workspace, dependencies compile again.
+const TEST_FEATURES: &str = "kd-oracle/long-tests";
+
+/// A test by its name, in the build of the whole workspace. All tests of a crate are among those that `.ci/run` runs.
+fn of_test(rest: &[&str]) -> Result<Form, String> {
+    let name = rest.iter().skip_while(|word| **word != "--test").nth(1);
+    let end = rest.iter().position(|word| *word == "--");
+    let arguments = &rest[end.unwrap_or(rest.len())..];
+    match name {
+        Some(name) => {
+            let call = [
+                "test",
+                "--workspace",
+                "--features",
+                TEST_FEATURES,
+                "--test",
+                name,
+            ];
+            Ok(small(owned(&[&call, arguments].concat())))
+        }
+        None if rest.contains(&"-p") => Ok(Form::StepOfChecks("cargo test --workspace")),
+        None => Err("`cargo xtask tidy` knows tests of one crate and of the workspace".into()),
+    }
+}
+
+/// Each benchmark of criterion once, as a test, in the build of the whole workspace.
+fn of_bench() -> Vec<String> {
+    let features = format!("{TEST_FEATURES},kd-bench/kernels");
+    owned(&[
+        "test",
+        "--workspace",
+        "--features",
+        &features,
+        "--bench",
+        "*",
+    ])
 }
 
 /// `cargo run` of an example or of the command line program.
@@ -295,6 +329,10 @@ fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
         // The document itself stays as it is.
         call.push("--check".into());
     }
+    if name == "instructions" && !has(&call, "--json") {
+        // One form for all: each takes a minute.
+        call.extend(owned(&["--json", "record.jsonl"]));
+    }
     if options.out && !has(&call, "--out") && !is_help {
         call.extend(owned(&["--out", RUNS]));
     }
@@ -348,7 +386,7 @@ mod tests {
                 "xtask compare runs/latest runs/latest",
             ),
             (
-                "cargo xtask instructions --json FILE",
+                "cargo xtask instructions",
                 "xtask instructions --json record.jsonl",
             ),
             ("cargo xtask rays --help", "xtask rays --help --smoke"),
@@ -369,10 +407,13 @@ mod tests {
                 "run --quiet --example picture -- bunny.ply",
             ),
             ("cargo doc -p kd --open", "doc -p kd --no-deps"),
-            ("cargo bench -p kd-bench", "test --benches -p kd-bench"),
+            (
+                "cargo bench -p kd-bench",
+                "test --workspace --features kd-oracle/long-tests,kd-bench/kernels --bench *",
+            ),
             (
                 "cargo test -p kd-sah --test quality -- --nocapture",
-                "test -p kd-sah --test quality -- --nocapture",
+                "test --workspace --features kd-oracle/long-tests --test quality -- --nocapture",
             ),
         ] {
             assert_eq!(small_form(line), expected, "{line}");
