@@ -11,6 +11,7 @@ use kd::{
     BuildOptions, FrameData, Hit, MergeMethod, Mesh, MeshError, PartId, Ray, RayPacket8, Scene,
     Strategy,
 };
+use kd_oracle::effort;
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
@@ -218,8 +219,8 @@ fn frames_of_one_pose_are_as_large_whatever_was_before() {
         let (mut scene, [_, moving, other]) = gears_and_balls(BuildOptions::balanced());
         scene.set_strategy(strategy.clone());
         let mut sizes = vec![];
-        for commit in 0_u16..10_000 {
-            let pose = f32::from(commit % 10);
+        for commit in 0..effort::cases(1_000, 10_000) {
+            let pose = (commit % 10) as f32;
             let place = Vec3::new(0.3 * pose, 0.1 * pose, 0.2);
             scene
                 .set_transform(moving, Affine3A::from_translation(place))
@@ -229,7 +230,9 @@ fn frames_of_one_pose_are_as_large_whatever_was_before() {
                 .set_transform(other, Affine3A::from_mat3(turn.into()))
                 .expect("finite");
             // Building takes longer, and gives the same sizes.
-            if commit < 300 || matches!(strategy, Strategy::Refit | Strategy::Instances) {
+            if commit < effort::cases(60, 300)
+                || matches!(strategy, Strategy::Refit | Strategy::Instances)
+            {
                 sizes.push(scene.commit().expect("a frame").bytes);
             }
         }
