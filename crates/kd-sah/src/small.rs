@@ -6,7 +6,7 @@
 //! the same plane.
 
 use kd_core::Axis;
-use kd_simd::{Level, Number, Simd, Task, U32x8};
+use kd_simd::{F32x8, Level, Number, Simd, Task, U32x8};
 
 use crate::plane::{AxisCost, BestPlane, CellCost, Plane, Side};
 use crate::prim::Prim;
@@ -14,11 +14,8 @@ use crate::prim::Prim;
 /// The largest number of primitives of a small cell.
 pub(crate) const SMALL: usize = 64;
 
-/// Candidates that are counted together.
+/// Candidates that are judged together: two vectors.
 const LANES: usize = 16;
-
-/// A number for each candidate.
-type Lanes<T> = [T; LANES];
 
 /// The best plane at a start or end of a primitive; `None` if none divides the cell.
 ///
@@ -44,32 +41,46 @@ impl<S: Simd> Task<S> for FindBestPlane<'_> {
     }
 }
 
-/// For each candidate, the number of primitives that start below it, and of those that end above it.
-struct BelowAndAbove<'a> {
-    candidates: &'a Lanes<f32>,
-    starts: &'a [f32],
-    ends: &'a [f32],
+/// Vectors of candidates.
+const HALVES: usize = 2;
+
+/// Numbers of primitives at each candidate.
+struct Counts<S: Simd> {
+    /// Those that start below it.
+    below: [S::U32; HALVES],
+    /// Those that end above it.
+    above: [S::U32; HALVES],
+    /// Those in it, if they are counted.
+    planar: [S::U32; HALVES],
 }
 
-impl<S: Simd> Task<S> for BelowAndAbove<'_> {
-    type Output = (Lanes<u32>, Lanes<u32>);
-
+impl<S: Simd> Counts<S> {
     #[inline(always)]
-    fn run(self, simd: S) -> Self::Output {
-        let [first, second] = bytemuck::must_cast_ref::<Lanes<f32>, [[f32; 8]; 2]>(self.candidates);
-        let (first, second) = (simd.load(first), simd.load(second));
-        let none = simd.splat_u32(0);
-        let (mut below, mut above) = ([none; 2], [none; 2]);
-        for (&start, &end) in self.starts.iter().zip(self.ends) {
+    fn of<const PLANAR: bool>(
+        simd: S,
+        candidates: &[S::F32; HALVES],
+        starts: &[f32],
+        ends: &[f32],
+    ) -> Self {
+        let none = [simd.splat_u32(0); HALVES];
+        let (mut below, mut above, mut planar) = (none, none, none);
+        for (&start, &end) in starts.iter().zip(ends) {
             let (start, end) = (simd.splat(start), simd.splat(end));
-            below[0] = below[0].count(start.lt(first));
-            below[1] = below[1].count(start.lt(second));
-            above[0] = above[0].count(first.lt(end));
-            above[1] = above[1].count(second.lt(end));
+            for half in 0..HALVES {
+                let candidate = candidates[half];
+                below[half] = below[half].count(start.lt(candidate));
+                above[half] = above[half].count(candidate.lt(end));
+                if PLANAR {
+                    let is_planar = start.eq(candidate) & end.eq(candidate);
+                    planar[half] = planar[half].count(is_planar);
+                }
+            }
         }
-        let below = [below[0].to_array(), below[1].to_array()];
-        let above = [above[0].to_array(), above[1].to_array()];
-        (bytemuck::must_cast(below), bytemuck::must_cast(above))
+        Self {
+            below,
+            above,
+            planar,
+        }
     }
 }
 
@@ -125,29 +136,29 @@ impl<'a> Judge<'a> {
 
     /// [`LeafCost::of`](crate::plane::LeafCost::of).
     #[inline(always)]
-    fn leaf(&self, count: u32) -> f32 {
-        let blocks = ((count + self.lanes - 1) * self.reciprocal) >> 16;
-        self.cost.leaf.block * blocks.cast_signed() as f32
+    fn leaf<S: Simd>(&self, simd: S, count: S::U32) -> S::F32 {
+        let blocks = count
+            .plus(self.lanes - 1)
+            .times(self.reciprocal)
+            .high_halves();
+        simd.splat(self.cost.leaf.block) * simd.to_f32(blocks)
     }
 
-    /// The cost of a plane, as of [`BestPlane::offer_side`]; infinite if the plane does not divide the cell.
+    /// The cost of planes, as of [`BestPlane::offer_side`]; infinite if a plane does not divide the cell.
     #[inline(always)]
-    fn plane(&self, position: f32, lower: u32, upper: u32) -> f32 {
+    fn plane<S: Simd>(&self, simd: S, position: S::F32, lower: S::U32, upper: S::U32) -> S::F32 {
         let along = &self.along;
-        let fraction = along.fraction(position);
-        let cost = self.cost.leaf.traverse
-            + (along.face + along.slope * fraction) * self.leaf(lower)
-            + (along.face + along.slope * (1.0 - fraction)) * self.leaf(upper);
-        let bonus = if (lower == 0) | (upper == 0) {
-            self.cost.leaf.empty_bonus
-        } else {
-            1.0
-        };
-        if (along.min < position) & (position < along.max) {
-            cost * bonus
-        } else {
-            f32::INFINITY
-        }
+        let (face, slope) = (simd.splat(along.face), simd.splat(along.slope));
+        let (min, max) = (simd.splat(along.min), simd.splat(along.max));
+        let fraction = (position - min) * simd.splat(along.scale);
+        let one = simd.splat(1.0);
+        let cost = simd.splat(self.cost.leaf.traverse)
+            + (face + slope * fraction) * self.leaf(simd, lower)
+            + (face + slope * (one - fraction)) * self.leaf(simd, upper);
+        let cuts_off = lower.is_zero() | upper.is_zero();
+        let bonus = simd.splat(self.cost.leaf.empty_bonus).or(cuts_off, one);
+        let is_inside = min.lt(position) & position.lt(max);
+        (cost * bonus).or(is_inside, simd.splat(f32::INFINITY))
     }
 
     #[inline(always)]
@@ -168,35 +179,28 @@ impl<'a> Judge<'a> {
         }
         // Padding lies on a face.
         positions[number..number + LANES].fill(self.along.min);
-        let mut lower_side = Least::NOTHING;
-        let mut upper_side = Least::NOTHING;
+        let mut lower_side = Least::new(simd);
+        let mut upper_side = Least::new(simd);
         let (candidates, _) = positions.as_chunks::<LANES>();
         for candidates in &candidates[..number.div_ceil(LANES)] {
-            let (below, above) = simd.run(BelowAndAbove {
-                candidates,
-                starts,
-                ends,
-            });
-            let planar = if PLANAR {
-                planar(candidates, starts, ends)
-            } else {
-                [0; LANES]
-            };
-            let costs = std::array::from_fn(|lane| {
-                self.plane(candidates[lane], below[lane] + planar[lane], above[lane])
-            });
-            lower_side.add(candidates, &costs);
-            if PLANAR {
-                let costs = std::array::from_fn(|lane| {
-                    let cost =
-                        self.plane(candidates[lane], below[lane], planar[lane] + above[lane]);
-                    if planar[lane] > 0 {
-                        cost
-                    } else {
-                        f32::INFINITY
-                    }
-                });
-                upper_side.add(candidates, &costs);
+            let [first, second] = bytemuck::must_cast_ref::<_, [[f32; 8]; HALVES]>(candidates);
+            let candidates = [simd.load(first), simd.load(second)];
+            let Counts {
+                below,
+                above,
+                planar,
+            } = Counts::<S>::of::<PLANAR>(simd, &candidates, starts, ends);
+            for half in 0..HALVES {
+                let (position, planar) = (candidates[half], planar[half]);
+                let (lower, upper) = (below[half].add(planar), above[half]);
+                let cost = self.plane(simd, position, lower, upper);
+                lower_side.add(half, position, cost);
+                if PLANAR {
+                    let (lower, upper) = (below[half], planar.add(above[half]));
+                    let cost = self.plane(simd, position, lower, upper);
+                    let cost = simd.splat(f32::INFINITY).or(planar.is_zero(), cost);
+                    upper_side.add(half, position, cost);
+                }
             }
         }
         self.take(&lower_side, Side::Lower, best);
@@ -206,8 +210,14 @@ impl<'a> Judge<'a> {
     }
 
     #[inline(always)]
-    fn take(&self, least: &Least, planar_side: Side, best: &mut BestPlane<'_>) {
-        for (&cost, &position) in least.cost.iter().zip(&least.position) {
+    fn take<F: F32x8>(&self, least: &Least<F>, planar_side: Side, best: &mut BestPlane<'_>) {
+        let (mut costs, mut positions) = ([[0.0; 8]; HALVES], [[0.0; 8]; HALVES]);
+        for half in 0..HALVES {
+            least.cost[half].store(&mut costs[half]);
+            least.position[half].store(&mut positions[half]);
+        }
+        let (costs, positions) = (costs.as_flattened(), positions.as_flattened());
+        for (&cost, &position) in costs.iter().zip(positions) {
             if cost <= best.least_cost() {
                 best.take(Plane {
                     axis: self.axis,
@@ -220,39 +230,28 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The number of primitives in each candidate plane.
-#[inline(always)]
-fn planar(candidates: &Lanes<f32>, starts: &[f32], ends: &[f32]) -> Lanes<u32> {
-    let mut planar = [0; LANES];
-    for (&start, &end) in starts.iter().zip(ends) {
-        for (lane, &candidate) in candidates.iter().enumerate() {
-            planar[lane] += u32::from((start == candidate) & (end == candidate));
+/// The least cost in each lane, and its position; the lowest position among equals.
+struct Least<F> {
+    cost: [F; HALVES],
+    position: [F; HALVES],
+}
+
+impl<F: F32x8> Least<F> {
+    #[inline(always)]
+    fn new<S: Simd<F32 = F>>(simd: S) -> Self {
+        let nothing = [simd.splat(f32::INFINITY); HALVES];
+        Self {
+            cost: nothing,
+            position: nothing,
         }
     }
-    planar
-}
-
-/// The least cost in each lane, and its position; the lowest position among equals.
-struct Least {
-    cost: Lanes<f32>,
-    position: Lanes<f32>,
-}
-
-impl Least {
-    const NOTHING: Self = Self {
-        cost: [f32::INFINITY; LANES],
-        position: [f32::INFINITY; LANES],
-    };
 
     #[inline(always)]
-    fn add(&mut self, positions: &Lanes<f32>, costs: &Lanes<f32>) {
-        for lane in 0..LANES {
-            let (cost, position) = (costs[lane], positions[lane]);
-            let (least, at) = (self.cost[lane], self.position[lane]);
-            let is_better = (cost < least) | ((cost == least) & (position < at));
-            self.cost[lane] = if is_better { cost } else { least };
-            self.position[lane] = if is_better { position } else { at };
-        }
+    fn add(&mut self, half: usize, position: F, cost: F) {
+        let (least, at) = (self.cost[half], self.position[half]);
+        let is_better = cost.lt(least) | (cost.eq(least) & position.lt(at));
+        self.cost[half] = cost.or(is_better, least);
+        self.position[half] = position.or(is_better, at);
     }
 }
 

@@ -61,7 +61,7 @@ pub struct Doubles([__m256d; 2]);
 #[derive(Clone, Copy, Debug)]
 pub struct Corners(__m256d);
 
-/// Eight counters.
+/// Eight lanes of u32.
 #[derive(Clone, Copy, Debug)]
 pub struct Counters(__m256i);
 
@@ -174,6 +174,12 @@ impl Simd for Avx2 {
         // SAFETY: `self` proves that the processor has AVX2.
         Counters(unsafe { _mm256_set1_epi32(x.cast_signed()) })
     }
+
+    #[inline(always)]
+    fn to_f32(self, numbers: Counters) -> Floats {
+        // SAFETY: `self` proves that the processor has AVX2.
+        Floats(unsafe { _mm256_cvtepi32_ps(numbers.0) })
+    }
 }
 
 /// Applies an instruction to each register of some lanes, with those of other lanes.
@@ -254,6 +260,11 @@ macro_rules! numbers {
             #[inline(always)]
             fn ne(self, other: Self) -> $mask {
                 each!($mask, $compare::<_CMP_NEQ_UQ>, self, other, $count)
+            }
+
+            #[inline(always)]
+            fn eq(self, other: Self) -> $mask {
+                each!($mask, $compare::<_CMP_EQ_OQ>, self, other, $count)
             }
 
             #[inline(always)]
@@ -424,6 +435,15 @@ impl F32x8 for Floats {
     }
 }
 
+impl Counters {
+    /// The same number in all lanes. Only for callers that have such lanes.
+    #[inline(always)]
+    fn splat(x: u32) -> Self {
+        // SAFETY: the caller has such lanes, so the processor has AVX2.
+        Self(unsafe { _mm256_set1_epi32(x.cast_signed()) })
+    }
+}
+
 impl U32x8 for Counters {
     type Mask = FloatMask;
 
@@ -431,6 +451,35 @@ impl U32x8 for Counters {
     fn count(self, mask: FloatMask) -> Self {
         // SAFETY: such lanes exist, so the processor has AVX2. True is -1.
         Self(unsafe { _mm256_sub_epi32(self.0, _mm256_castps_si256(mask.0)) })
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        each!(Self, _mm256_add_epi32, self, other, one)
+    }
+
+    #[inline(always)]
+    fn plus(self, number: u32) -> Self {
+        self.add(Self::splat(number))
+    }
+
+    #[inline(always)]
+    fn times(self, factor: u32) -> Self {
+        each!(Self, _mm256_mullo_epi32, self, Self::splat(factor), one)
+    }
+
+    #[inline(always)]
+    fn high_halves(self) -> Self {
+        // SAFETY: such lanes exist, so the processor has AVX2.
+        Self(unsafe { _mm256_srli_epi32::<16>(self.0) })
+    }
+
+    #[inline(always)]
+    fn is_zero(self) -> FloatMask {
+        // SAFETY: such lanes exist, so the processor has AVX2.
+        FloatMask(unsafe {
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(self.0, _mm256_setzero_si256()))
+        })
     }
 
     #[inline(always)]

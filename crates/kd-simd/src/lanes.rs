@@ -46,6 +46,8 @@ pub trait Simd: Copy + Debug {
     fn triple(self, numbers: [f32; 3]) -> Self::Triple;
     /// The same number in all lanes.
     fn splat_u32(self, x: u32) -> Self::U32;
+    /// Converts numbers below 2³¹, rounded to nearest.
+    fn to_f32(self, numbers: Self::U32) -> Self::F32;
 }
 
 /// A computation over lanes, for [`Level::run`](crate::Level::run). (A closure does not do: it is inlined only where the
@@ -77,6 +79,8 @@ pub trait Number:
     fn lt(self, other: Self) -> Self::Mask;
     /// `self != other`, true for NaN.
     fn ne(self, other: Self) -> Self::Mask;
+    /// `self == other`, false for NaN.
+    fn eq(self, other: Self) -> Self::Mask;
     /// `self` where the mask is true, elsewhere `other`.
     fn or(self, mask: Self::Mask, other: Self) -> Self;
 }
@@ -105,6 +109,13 @@ pub trait Real: Number {
     fn is_at_most_zero(self) -> Self::Mask;
     /// `self != 0`, true for NaN.
     fn is_not_zero(self) -> Self::Mask;
+    /// Whether all of three are at least 0, or all are at most 0. False if one is NaN.
+    #[inline(always)]
+    fn are_one_sided([a, b, c]: [Self; 3]) -> Self::Mask {
+        let above = a.is_at_least_zero() & b.is_at_least_zero() & c.is_at_least_zero();
+        let below = a.is_at_most_zero() & b.is_at_most_zero() & c.is_at_most_zero();
+        above | below
+    }
     /// The bits of each lane plus `add`, modulo 2⁶⁴, and with `mask`.
     fn add_and_mask_bits(self, add: u64, mask: u64) -> Self;
 }
@@ -115,13 +126,23 @@ pub trait F64x8: Real {
     fn narrow(self) -> [f32; LANES];
 }
 
-/// Eight counters.
+/// Eight lanes of u32, for counters.
 pub trait U32x8: Copy + Debug {
     /// A boolean for each lane.
     type Mask: Mask;
 
     /// Adds one, modulo 2³², where the mask is true.
     fn count(self, mask: Self::Mask) -> Self;
+    /// The sums, modulo 2³².
+    fn add(self, other: Self) -> Self;
+    /// Adds the same number to all, modulo 2³².
+    fn plus(self, number: u32) -> Self;
+    /// Multiplies all by the same number, modulo 2³².
+    fn times(self, factor: u32) -> Self;
+    /// Each divided by 2¹⁶, rounded down.
+    fn high_halves(self) -> Self;
+    /// `self == 0`.
+    fn is_zero(self) -> Self::Mask;
     /// The counters in order.
     fn to_array(self) -> [u32; LANES];
 }
@@ -191,6 +212,7 @@ mod tests {
                     a.le(b),
                     a.lt(b),
                     a.ne(b),
+                    a.eq(b) | b.eq(splat),
                     !a.lt(splat),
                     a.le(b) & a.ne(splat),
                 ] {
@@ -203,6 +225,10 @@ mod tests {
                     S::F32::put(mask, 0xffff_fffe, &mut numbers);
                     bits.extend(numbers.map(u64::from));
                     counts = counts.count(mask);
+                    let sum = counts.add(counts.plus(77)).times(0x1357_9bdf);
+                    bits.extend(sum.to_array().map(u64::from));
+                    bits.extend(stored(simd.to_f32(sum.high_halves())));
+                    bits.push((counts.is_zero() | sum.is_zero()).bits().into());
                     bits.extend(counts.to_array().map(u64::from));
                 }
                 let (a, b) = (simd.widen(&pair[0]), simd.widen(&pair[1]));

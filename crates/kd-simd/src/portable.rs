@@ -68,6 +68,12 @@ impl Simd for Portable {
     fn splat_u32(self, x: u32) -> Self::U32 {
         Array([x; LANES])
     }
+
+    #[inline(always)]
+    fn to_f32(self, numbers: Self::U32) -> Self::F32 {
+        // Signed, which is one instruction.
+        Array(numbers.0.map(|x| x.cast_signed() as f32))
+    }
 }
 
 impl<T: Copy> Array<T> {
@@ -140,9 +146,15 @@ macro_rules! numbers {
             }
 
             #[inline(always)]
-            #[allow(clippy::float_cmp, reason = "exactly what is asked for")]
+            #[allow(clippy::float_cmp, reason = "an exact comparison is the definition")]
             fn ne(self, other: Self) -> Self::Mask {
                 self.with(other, |a, b| a != b)
+            }
+
+            #[inline(always)]
+            #[allow(clippy::float_cmp, reason = "an exact comparison is the definition")]
+            fn eq(self, other: Self) -> Self::Mask {
+                self.with(other, |a, b| a == b)
             }
 
             #[inline(always)]
@@ -194,6 +206,31 @@ impl U32x8 for Array<u32> {
     #[inline(always)]
     fn count(self, mask: Self::Mask) -> Self {
         self.with(mask, |count, is_set| count.wrapping_add(u32::from(is_set)))
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.with(other, u32::wrapping_add)
+    }
+
+    #[inline(always)]
+    fn plus(self, number: u32) -> Self {
+        Self(self.0.map(|x| x.wrapping_add(number)))
+    }
+
+    #[inline(always)]
+    fn times(self, factor: u32) -> Self {
+        Self(self.0.map(|x| x.wrapping_mul(factor)))
+    }
+
+    #[inline(always)]
+    fn high_halves(self) -> Self {
+        Self(self.0.map(|x| x >> 16))
+    }
+
+    #[inline(always)]
+    fn is_zero(self) -> Self::Mask {
+        Array(self.0.map(|x| x == 0))
     }
 
     #[inline(always)]

@@ -48,6 +48,12 @@ macro_rules! number {
             }
 
             #[inline(always)]
+            #[allow(clippy::float_cmp, reason = "an exact comparison is the definition")]
+            fn eq(self, other: Self) -> bool {
+                self == other
+            }
+
+            #[inline(always)]
             fn or(self, mask: bool, other: Self) -> Self {
                 if mask { self } else { other }
             }
@@ -77,6 +83,12 @@ impl Real for f64 {
     #[inline(always)]
     fn is_not_zero(self) -> bool {
         self != 0.0
+    }
+
+    /// With branches: most often one or two comparisons decide.
+    #[inline(always)]
+    fn are_one_sided([a, b, c]: [Self; 3]) -> bool {
+        (a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0)
     }
 
     #[inline(always)]

@@ -47,19 +47,7 @@ pub trait Triple:
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Three<N>(pub [N; 3]);
 
-impl<N: Copy> Three<N> {
-    #[inline(always)]
-    fn with(self, other: Self, f: impl Fn(N, N) -> N) -> Self {
-        let (Self([a, b, c]), Self([d, e, g])) = (self, other);
-        Self([f(a, d), f(b, e), f(c, g)])
-    }
-
-    #[inline(always)]
-    fn each(self, f: impl Fn(N) -> N) -> Self {
-        let Self([a, b, c]) = self;
-        Self([f(a), f(b), f(c)])
-    }
-}
+// No closures here: they are not inlined always, and lanes are slow where something is not.
 
 macro_rules! operators {
     ($($trait:ident $function:ident $operator:tt),*) => {$(
@@ -68,7 +56,8 @@ macro_rules! operators {
 
             #[inline(always)]
             fn $function(self, other: Self) -> Self {
-                self.with(other, |a, b| a $operator b)
+                let (Self([a, b, c]), Self([d, e, f])) = (self, other);
+                Self([a $operator d, b $operator e, c $operator f])
             }
         }
     )*};
@@ -81,12 +70,14 @@ impl<N: Real> Triple for Three<N> {
 
     #[inline(always)]
     fn minus(self, number: N) -> Self {
-        self.each(|x| x - number)
+        let Self([a, b, c]) = self;
+        Self([a - number, b - number, c - number])
     }
 
     #[inline(always)]
     fn times(self, factor: N) -> Self {
-        self.each(|x| x * factor)
+        let Self([a, b, c]) = self;
+        Self([a * factor, b * factor, c * factor])
     }
 
     #[inline(always)]
@@ -109,12 +100,14 @@ impl<N: Real> Triple for Three<N> {
 
     #[inline(always)]
     fn abs(self) -> Self {
-        self.each(|x| x.abs())
+        let Self([a, b, c]) = self;
+        Self([a.abs(), b.abs(), c.abs()])
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.with(other, |a, b| a.max(b))
+        let (Self([a, b, c]), Self([d, e, f])) = (self, other);
+        Self([a.max(d), b.max(e), c.max(f)])
     }
 
     #[inline(always)]
@@ -125,20 +118,23 @@ impl<N: Real> Triple for Three<N> {
 
     #[inline(always)]
     fn is_one_sided(self) -> N::Mask {
-        let Self([a, b, c]) = self;
-        let above = a.is_at_least_zero() & b.is_at_least_zero() & c.is_at_least_zero();
-        let below = a.is_at_most_zero() & b.is_at_most_zero() & c.is_at_most_zero();
-        above | below
+        N::are_one_sided(self.0)
     }
 
     #[inline(always)]
     fn or(self, mask: N::Mask, other: Self) -> Self {
-        self.with(other, |a, b| a.or(mask, b))
+        let (Self([a, b, c]), Self([d, e, f])) = (self, other);
+        Self([a.or(mask, d), b.or(mask, e), c.or(mask, f)])
     }
 
     #[inline(always)]
     fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
-        self.each(|x| x.add_and_mask_bits(add, mask))
+        let Self([a, b, c]) = self;
+        Self([
+            a.add_and_mask_bits(add, mask),
+            b.add_and_mask_bits(add, mask),
+            c.add_and_mask_bits(add, mask),
+        ])
     }
 
     #[inline(always)]

@@ -4,6 +4,7 @@
 //! feature and without.
 
 use kd_core::{Hit, Mesh, Ray, Tree};
+use kd_simd::Portable;
 use kd_wide::WideTree;
 
 use crate::binary::indexed::Indexed;
@@ -56,7 +57,13 @@ impl Probe for TraversalCounts {
 pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
     let mut closest = Closest::default();
     let mut counts = TraversalCounts::default();
-    walk(&Indexed { tree, mesh }, ray, &mut closest, &mut counts);
+    walk(
+        Portable,
+        &Indexed { tree, mesh },
+        ray,
+        &mut closest,
+        &mut counts,
+    );
     (closest.0, counts)
 }
 

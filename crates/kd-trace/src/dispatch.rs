@@ -1,7 +1,7 @@
 //! The one place where a traversal meets the instructions that it is compiled for.
 //!
-//! Traversals are written once. The walk over packed leaves has no intrinsics: its loops over eight lanes become the vector
-//! instructions of the function around them. The traversals of wide nodes are generic over [`TraceSimd`]: the
+//! Traversals are written once. The walk over 8-byte nodes has no intrinsics of its own: its loops over eight lanes become the
+//! vector instructions of the function around them. The traversals of wide nodes are generic over [`TraceSimd`]: the
 //! [lanes](kd_simd) of a level, and how that level holds a ray for wide nodes. Each entry here is a [`Task`], which
 //! [`Level::run`](kd_simd::Level::run) compiles as a whole for the level of the tree.
 
@@ -62,8 +62,8 @@ impl<S: Simd, B: Begin, C: Collect, P: Probe> Task<S> for WalkPacked<'_, B, C, P
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: S) {
-        walk(self.tree, self.ray, self.collector, self.probe);
+    fn run(self, simd: S) {
+        walk(simd, self.tree, self.ray, self.collector, self.probe);
     }
 }
 

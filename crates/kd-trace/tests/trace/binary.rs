@@ -118,7 +118,7 @@ impl BinaryTree for Chain {
 }
 
 #[test]
-#[should_panic(expected = "at most 64 nodes lie above a leaf")]
+#[should_panic(expected = "at most 64 levels below the root")]
 fn a_tree_without_end_is_refused() {
     let _ = WideTree::from_binary(&Chain, &scenes::soup());
 }
