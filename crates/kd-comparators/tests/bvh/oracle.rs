@@ -38,7 +38,7 @@ fn generated_scenes() {
 fn nasty_scenes() {
     for (name, mesh) in scenes::nasty() {
         let hit = check_rays(name, &mesh, RAYS);
-        // Far off few coordinates can be told apart, and at the ends of f32 most rays are not finite.
+        // Far from the origin few coordinates differ, and at the limits of f32 most rays are not finite.
         let least = if name == "largest" {
             RAYS / 100
         } else {
