@@ -27,10 +27,10 @@ const SCENES: [(Spd, u32, usize); 15] = [
     (Spd::Shells, 1, 4_000),
     (Spd::Sombrero, 1, 100_000),
     (Spd::Jacks, 1, 100_000),
-    (Spd::Gears, 2, 30_000),
-    (Spd::Mount, 5, 30_000),
-    (Spd::Tetra, 6, 30_000),
-    (Spd::Tree, 4, 30_000),
+    (Spd::Gears, 2, 10_000),
+    (Spd::Mount, 5, 10_000),
+    (Spd::Tetra, 6, 10_000),
+    (Spd::Tree, 4, 10_000),
 ];
 
 /// Wide nodes follow the planes of the kd-tree in cells of more triangles.
@@ -151,7 +151,10 @@ fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
     );
     for (builder, tree) in trees_over(&mesh) {
         let what = format!("{} {size} by {builder}", scene.name());
-        check(&tree, &rays, &expected, &what);
+        // The default preset meets all rays, the others a quarter of them.
+        let is_default = builder.starts_with("balanced");
+        let count = if is_default { count } else { count / 4 };
+        check(&tree, &rays[..count], &expected[..count], &what);
     }
 }
 
