@@ -1,6 +1,6 @@
 //! Merging of kd-trees. Static geometry is built once, and each frame merges its tree with the trees of moving geometry.
 //!
-//! The methods follow G. Eleftheriades, *Kd-tree merging* (2010), chapter 3. There, merging destroys both trees, and every
+//! The methods follow E. Eleftheriades, *Accelerating ray tracing for dynamic scenes using kd-tree merging* (2010), chapter 3. There, merging destroys both trees, and every
 //! frame copies the static one. Here trees are stored in an [`Arena`](kd_core::Arena) and never change: a merged tree consists
 //! of new nodes and of links to subtrees that it shares with its source trees.
 //!

@@ -17,8 +17,8 @@
 //!
 //! # Which method
 //!
-//! The presets choose a method. [`Method::Exact`] finds the plane of least cost everywhere; [`Method::Hybrid`] only
-//! below some number of primitives, and builds faster for a tree of almost the same cost.
+//! The presets choose a method. [`Method::Exact`] finds the plane of least cost in every cell. [`Method::Hybrid`] does so
+//! only in cells of at most `exact_below` primitives and bins larger ones; it builds faster, and its trees cost almost the same.
 //!
 //! | method | planes | from |
 //! |---|---|---|
@@ -38,7 +38,7 @@
 //! - A primitive is referenced in every leaf whose cell it overlaps; [`Tree::check_coverage`] checks it.
 //! - A primitive that lies in a plane goes to one side, the cheaper one.
 //! - The same input and options give the same bytes at any number of threads.
-//! - Empty input gives one empty leaf. Zero-area primitives are kept, and end the recursion like any other.
+//! - Empty input gives one empty leaf. Zero-area primitives are kept, and count like any other when the builder decides whether to stop.
 #![forbid(unsafe_code)]
 
 mod bins;

@@ -61,14 +61,15 @@
 //! | `planes.rs` | crossings of planes and boxes, with the bound of their errors |
 //! | `binary/` | traversal of 8-byte nodes: one ray at a time |
 //! | `wide/` | traversal of wide nodes: single rays, packets, tiles, queues |
-//! | `dispatch.rs` | the entries of all traversals, compiled for each level |
+//! | `dispatch.rs` | the entries of traversals of both layouts, compiled for each level |
 //! | `collect.rs`, `ray_query.rs` | which hits a query keeps; the query trait |
 //! | `brute_force.rs` | every triangle, one by one |
 //!
 //! # What is a hit
 //!
 //! One function of a ray and a triangle decides, and every query returns exactly the answer of applying it to every triangle
-//! ([`brute_force`]): the tree, its planes and their rounding are not visible in any answer.
+//! ([`brute_force`]): the tree, its planes and their rounding are not visible in any answer. `occluded` accepts a triangle in
+//! f32 where the bound of the error proves that the function accepts it.
 //!
 //! - Triangles are closed and have two sides: a ray through an edge or a corner hits every triangle around it, so
 //!   no ray slips through a closed surface. A triangle seen edge-on, or of no area, is not hit, except where the
