@@ -53,7 +53,7 @@ pub type Build = for<'a> fn(&'a Arc<Mesh>) -> Vec<Structure<'a>>;
 pub struct Subject {
     /// Builds the structures.
     pub build: Build,
-    /// Number of random rays around each mesh with the feature `long-tests`, a tenth of it without; a fifth of that for each of
+    /// Number of random rays around each mesh with the feature `long-tests`; a tenth of it without, but at least a hundred; a fifth of that for each of
     /// several scales.
     pub rays: usize,
     /// Number of points in each closed mesh from which rays are aimed at all edges; at most two without `long-tests`.
@@ -148,7 +148,8 @@ impl<'a> Over<'a> {
     /// Checks random rays, of which at least `per_cent` in a hundred must hit.
     #[track_caller]
     fn check_random(&self, seed: u64, rays: usize, per_cent: usize) {
-        let rays = effort::count(rays.div_ceil(10), rays);
+        // Fewer than a hundred rays say little about the share that hits.
+        let rays = effort::count(rays.div_ceil(10).max(rays.min(100)), rays);
         let mut source = self.random_rays(seed);
         let hit = (0..rays).filter(|_| self.check(&source.draw()) > 0).count();
         let name = &self.name;

@@ -168,7 +168,7 @@ mod scenes {
             (
                 "b.bin",
                 "glTF\u{2}",
-                "header: a binary file that ends in its header",
+                "header: binary glTF ends in its header",
             ),
             ("a.aff", "nonsense", "line 1: "),
             ("a.nff", "v\nfrom 0 0\n", "line "),
