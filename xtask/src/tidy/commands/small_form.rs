@@ -151,7 +151,7 @@ fn of_doc(rest: &[&str]) -> Vec<String> {
 }
 
 /// The features with which `.ci/run` tests the workspace: with others, and with a part of the workspace, dependencies compile again.
-const TEST_FEATURES: &str = "kd-oracle/long-tests";
+const TEST_FEATURES: &str = "kd-oracle/long-tests,kd/serde";
 
 /// A test by its name, in the build of the whole workspace. All tests of a crate are among those that `.ci/run` runs.
 fn of_test(rest: &[&str]) -> Result<Form, String> {
@@ -409,11 +409,11 @@ mod tests {
             ("cargo doc -p kd --open", "doc -p kd --no-deps"),
             (
                 "cargo bench -p kd-bench",
-                "test --workspace --features kd-oracle/long-tests,kd-bench/kernels --bench *",
+                "test --workspace --features kd-oracle/long-tests,kd/serde,kd-bench/kernels --bench *",
             ),
             (
                 "cargo test -p kd-sah --test quality -- --nocapture",
-                "test --workspace --features kd-oracle/long-tests --test quality -- --nocapture",
+                "test --workspace --features kd-oracle/long-tests,kd/serde --test quality -- --nocapture",
             ),
         ] {
             assert_eq!(small_form(line), expected, "{line}");
