@@ -7,9 +7,14 @@
 
 use std::marker::PhantomData;
 
+use kd_core::{Hit, Ray, RayPacket8};
+#[cfg(target_arch = "x86_64")]
+use kd_simd::Avx2;
+use kd_simd::{LANES, Portable, Simd, Task};
+use kd_wide::WideTree;
+
 use crate::binary::packed::PackedTree;
 use crate::binary::walk::{Begin, walk};
-#[cfg(target_arch = "x86_64")]
 use crate::collect::{Any, Closest, Collect};
 use crate::planes::Frame;
 use crate::probe::Probe;
@@ -18,9 +23,6 @@ use crate::wide;
 use crate::wide::avx2::Avx2Ray;
 use crate::wide::portable::PortableRay;
 use crate::wide::walk::WideRay;
-use kd_core::{Hit, Ray, RayPacket8};
-use kd_simd::{Avx2, LANES, Portable, Simd, Task};
-use kd_wide::WideTree;
 
 /// A set of instructions that wide nodes are traced with.
 pub(crate) trait TraceSimd: Simd {
@@ -62,8 +64,8 @@ impl<S: Simd, B: Begin, C: Collect, P: Probe> Task<S> for WalkPacked<'_, B, C, P
     type Output = ();
 
     #[inline(always)]
-    fn run(self, simd: S) {
-        walk(simd, self.tree, self.ray, self.collector, self.probe);
+    fn run(self, _: S) {
+        walk(self.tree, self.ray, self.collector, self.probe);
     }
 }
 
