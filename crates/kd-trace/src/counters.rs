@@ -4,7 +4,6 @@
 //! feature and without.
 
 use kd_core::{Hit, Mesh, Ray, Tree};
-use kd_simd::Portable;
 use kd_wide::WideTree;
 
 use crate::binary::indexed::Indexed;
@@ -57,13 +56,7 @@ impl Probe for TraversalCounts {
 pub fn intersect_counted(tree: &Tree, mesh: &Mesh, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
     let mut closest = Closest::default();
     let mut counts = TraversalCounts::default();
-    walk(
-        Portable,
-        &Indexed { tree, mesh },
-        ray,
-        &mut closest,
-        &mut counts,
-    );
+    walk(&Indexed { tree, mesh }, ray, &mut closest, &mut counts);
     (closest.0, counts)
 }
 

@@ -21,12 +21,14 @@ pub(crate) struct View<N> {
     pub(crate) scale: N,
 }
 
-/// The corners of triangles as rays see them: across, and along in units of `t`.
+/// The corners of triangles as rays see them: across, and along.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sight<T> {
+pub(crate) struct Sight<T: Triple> {
     x: T,
     y: T,
-    t: T,
+    along: T,
+    /// Of the view.
+    scale: T::Number,
 }
 
 impl<N: Real> View<N> {
@@ -37,7 +39,8 @@ impl<N: Real> View<N> {
         Sight {
             x: x - along.times(shear_x),
             y: y - along.times(shear_y),
-            t: along.times(self.scale),
+            along,
+            scale: self.scale,
         }
     }
 }
@@ -62,7 +65,8 @@ impl View<f64> {
         // Adding zero turns -0.0 into 0.0.
         let [t, u, v] = sight.point(weights).map(|x| x as f32 + 0.0);
         let hit = Hit { t, u, v, triangle };
-        is_within(t, [t_min, t_max], f32::MAX).then_some(hit)
+        // As `is_within`.
+        (t.is_finite() && t_min <= t && t <= t_max).then_some(hit)
     }
 }
 
@@ -78,8 +82,8 @@ impl<T: Triple> Sight<T> {
     pub(crate) fn point(&self, deciding: T) -> [T::Number; 3] {
         let (finer, is_usable) = self.finer_weights();
         let weights = finer.or(is_usable, deciding);
-        let along = (weights * self.t).sum();
-        weights.with_first(along).over(weights.sum())
+        let t = (weights * self.along.times(self.scale)).sum();
+        weights.with_first(t).over(weights.sum())
     }
 
     /// Weights from coordinates that were not rounded, and whether they can be used.
@@ -156,7 +160,8 @@ mod tests {
         let seen = |[a, b, c]: [[f64; 2]; 3]| Sight {
             x: Three([a[0], b[0], c[0]]),
             y: Three([a[1], b[1], c[1]]),
-            t: Three([1.0; 3]),
+            along: Three([1.0; 3]),
+            scale: 1.0,
         };
         let wide = seen([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]]);
         assert!(wide.finer_weights().1, "as wide as long");

@@ -64,8 +64,8 @@ impl<S: Simd, B: Begin, C: Collect, P: Probe> Task<S> for WalkPacked<'_, B, C, P
     type Output = ();
 
     #[inline(always)]
-    fn run(self, simd: S) {
-        walk(simd, self.tree, self.ray, self.collector, self.probe);
+    fn run(self, _: S) {
+        walk(self.tree, self.ray, self.collector, self.probe);
     }
 }
 

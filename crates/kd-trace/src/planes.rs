@@ -65,10 +65,6 @@ const _: () = assert!(LEAST_SLOPE as f64 * STEEPEST == 1.0, "the same limit");
 /// 2⁻²⁰, of the distance to the box's faces.
 pub(crate) const RELATIVE: f32 = 1.0 / (1 << 20) as f32;
 /// 2⁻²², of the origin's coordinates, where `s / d - o / d` is computed in place of `(s - o) / d`.
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    allow(dead_code, reason = "only what is written for AVX2 computes so")
-)]
 pub(crate) const PER_ORIGIN: f32 = 1.0 / (1 << 22) as f32;
 /// 2⁻¹⁰⁰, in units of `t`. (2⁻¹⁴⁷ would do, but arithmetic with numbers below the normal ones is slow: a third of what it
 /// took to prepare a ray.)

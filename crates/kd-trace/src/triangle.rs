@@ -20,7 +20,7 @@ use std::ops::ControlFlow;
 
 use glam::Vec3;
 use kd_core::{Axis, Hit, Mesh, Ray};
-use kd_simd::{LANES, Portable, Simd, Triple as _, max, min};
+use kd_simd::{LANES, Three, Triple as _, max, min};
 use kd_wide::LaneCorners;
 
 use crate::collect::Collect;
@@ -205,22 +205,11 @@ impl TriangleTest {
     /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
-        self.decide_at(Portable, corners, triangle)
-    }
-
-    /// [`decide`](Self::decide) with the instructions of a level. The answer is the same.
-    #[inline(always)]
-    pub(crate) fn decide_at<S: Simd>(
-        &self,
-        simd: S,
-        corners: [Vec3; 3],
-        triangle: u32,
-    ) -> Option<Hit> {
         let [a, b, c] = corners.map(|corner| corner.to_array());
         let from_origin = self.axes().map(|axis| {
             let axis = axis.index();
-            let corners = simd.triple([a[axis], b[axis], c[axis]]);
-            corners.minus(self.origin[axis].into())
+            let corners = Three([a[axis].into(), b[axis].into(), c[axis].into()]);
+            corners.minus(f64::from(self.origin[axis]))
         });
         self.view
             .hit(from_origin, [self.t_min, self.t_max], triangle)

@@ -4,7 +4,6 @@
 use std::ops::ControlFlow;
 
 use kd_core::{Aabb, Hit, Mesh, Node, NodeIndex, Ray, Tree};
-use kd_simd::{Portable, Simd};
 
 use crate::binary::walk::{Walkable, walk};
 use crate::collect::{Any, Closest, Collect, Ordered};
@@ -22,13 +21,7 @@ use crate::triangle::TriangleTest;
 /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
 pub fn intersect(tree: &Tree, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
     let mut closest = Closest::default();
-    walk(
-        Portable,
-        &Indexed { tree, mesh },
-        ray,
-        &mut closest,
-        &mut (),
-    );
+    walk(&Indexed { tree, mesh }, ray, &mut closest, &mut ());
     closest.0
 }
 
@@ -39,7 +32,7 @@ pub fn intersect(tree: &Tree, mesh: &Mesh, ray: &Ray) -> Option<Hit> {
 /// As [`intersect`].
 pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
     let mut any = Any::default();
-    walk(Portable, &Indexed { tree, mesh }, ray, &mut any, &mut ());
+    walk(&Indexed { tree, mesh }, ray, &mut any, &mut ());
     any.0
 }
 
@@ -56,7 +49,6 @@ pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>)
     out.clear();
     if max > 0 {
         walk(
-            Portable,
             &Indexed { tree, mesh },
             ray,
             &mut Ordered { max, out },
@@ -88,9 +80,8 @@ impl Walkable for Indexed<'_> {
     }
 
     #[inline]
-    fn visit<S: Simd, C: Collect, P: Probe>(
+    fn visit<C: Collect, P: Probe>(
         &self,
-        _: S,
         leaf: Node,
         test: &TriangleTest,
         collector: &mut C,

@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 
 use bytemuck::{cast_slice, cast_slice_mut};
 use kd_core::{Aabb, Hit, LayoutBytes, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, Tree};
-use kd_simd::{LANES, Level, Simd};
+use kd_simd::{LANES, Level};
 use kd_wide::Block;
 
 use crate::binary::walk::{Begin, Walkable};
@@ -264,9 +264,8 @@ impl Walkable for PackedTree {
     }
 
     #[inline(always)]
-    fn visit<S: Simd, C: Collect, P: Probe>(
+    fn visit<C: Collect, P: Probe>(
         &self,
-        simd: S,
         leaf: Node,
         test: &TriangleTest,
         collector: &mut C,
@@ -280,7 +279,7 @@ impl Walkable for PackedTree {
             triangles = triangles.saturating_sub(LANES);
             for lane in left {
                 probe.decision();
-                let hit = test.decide_at(simd, block.corners_of(lane), block.triangles[lane]);
+                let hit = test.decide(block.corners_of(lane), block.triangles[lane]);
                 if let Some(hit) = hit {
                     collector.take(hit)?;
                 }

@@ -7,7 +7,7 @@
 use std::ops::ControlFlow;
 
 use kd_core::{Aabb, MAX_DEPTH, Node, NodeIndex, Ray};
-use kd_simd::{Simd, max, min};
+use kd_simd::{max, min};
 
 use crate::collect::Collect;
 use crate::planes::{Frame, RayPlanes, Span};
@@ -71,9 +71,8 @@ pub(crate) trait Walkable {
     /// Child indices refer to this slice.
     fn nodes(&self) -> &[Node];
     /// Gives the collector every hit of a leaf's triangles that it may want; breaks if it does.
-    fn visit<S: Simd, C: Collect, P: Probe>(
+    fn visit<C: Collect, P: Probe>(
         &self,
-        simd: S,
         leaf: Node,
         test: &TriangleTest,
         collector: &mut C,
@@ -85,8 +84,7 @@ pub(crate) trait Walkable {
 ///
 /// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
-pub(crate) fn walk<S: Simd, W: Walkable, C: Collect, P: Probe>(
-    simd: S,
+pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
     tree: &W,
     ray: impl Begin,
     collector: &mut C,
@@ -127,7 +125,7 @@ pub(crate) fn walk<S: Simd, W: Walkable, C: Collect, P: Probe>(
         }
         probe.leaf(node.count());
         // A hit outside this leaf's cell counts like any other.
-        if tree.visit(simd, node, &test, collector, probe).is_break() {
+        if tree.visit(node, &test, collector, probe).is_break() {
             return;
         }
         let limit = planes.steps(collector.limit());

@@ -4,6 +4,7 @@
 //! Distributions on the Intel MIC Architecture*, 2012.)
 
 use kd_core::Ray;
+use kd_simd::Task;
 
 use super::RAYS;
 use crate::dispatch::TraceSimd;
@@ -98,8 +99,24 @@ impl<S: TraceSimd> Alone<S> {
         }
         if self.ready >> number & 1 == 0 {
             self.ready |= 1 << number;
-            self.rays[number] = simd.prepare(&rays[number], frame);
+            let ray = &rays[number];
+            self.rays[number] = simd.apart(Prepare { ray, frame });
         }
         self.rays[number].as_ref()
+    }
+}
+
+/// Prepares a ray, not inlined into the traversal of a tile, where it is rare.
+struct Prepare<'a> {
+    ray: &'a Ray,
+    frame: &'a Frame,
+}
+
+impl<S: TraceSimd> Task<S> for Prepare<'_> {
+    type Output = Option<S::Ray>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Option<S::Ray> {
+        simd.prepare(self.ray, self.frame)
     }
 }
