@@ -21,9 +21,7 @@ pub trait Simd: Copy + Debug {
 
     /// Runs a task, compiled for this set of instructions.
     ///
-    /// Inside another task it is a hint: the compiler optimises the inner task by itself before it inlines it, and keeps arrays
-    /// that it returns in memory, ready for vector loads. Small kernels between loops over arrays were up to three times
-    /// as long without.
+    /// Inside another task it is a call that the compiler may inline; [`Task::run`] itself is inlined into it.
     fn run<T: Task<Self>>(self, task: T) -> T::Output;
     /// [`run`](Self::run) that is never inlined into the caller: for large or rare tasks, whose registers and constants would
     /// burden the caller's loop.
