@@ -1,14 +1,14 @@
 //! The costs of the steps of our traversal: the constants of [`CostModel::PACKED`].
 //!
 //! Trees over the chosen scenes are built for several cost models, so that the numbers of nodes and of blocks on a ray's path
-//! vary. Rays of all kinds are timed in groups of neighbours, and the steps of each group are counted. Least squares give the
+//! vary. Rays of all kinds are timed in groups of neighbors, and the steps of each group are counted. Least squares give the
 //! time of each kind of step.
 //!
 //! Counts do not cover caches, which a tree with more references misses more often. So rays are also traced in trees of models
 //! around the fitted one, compared with the tree of the fitted one.
 
 mod fit;
-mod neighbours;
+mod neighbors;
 
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ use crate::rays::{self, RayKind, RaySource};
 use crate::run_folder;
 use crate::scenes::{self, Scene, SceneSource};
 use fit::{Equation, Fit, TERMS};
-use neighbours::{Comparison, compare};
+use neighbors::{Comparison, compare};
 
 /// What to measure. Lists are separated by commas.
 #[derive(Args, Debug)]
@@ -52,7 +52,7 @@ pub(crate) struct CalibrateArgs {
     json: Option<PathBuf>,
 }
 
-/// Neighbours that are timed together, for some tenths of a millisecond.
+/// Neighbors that are timed together, for some tenths of a millisecond.
 const GROUP: usize = 1024;
 /// Groups of a kind on a scene.
 const GROUPS: usize = 12;
@@ -139,7 +139,7 @@ pub(crate) fn run(arguments: &CalibrateArgs) -> anyhow::Result<bool> {
     }
     print_fit(&fit, equations.len(), intersect);
     let comparisons = compare(&workloads, intersect, arguments.samples)?;
-    neighbours::print(&comparisons);
+    neighbors::print(&comparisons);
     if arguments.json.is_some() {
         let environment = Environment::detect();
         let calibration = Calibration {

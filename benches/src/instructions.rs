@@ -39,7 +39,7 @@ const WAYS: [Way; 4] = [
     (LayoutName::Binary, Manner::Single),
 ];
 
-/// The rays of a kind: a picture of usual size, since batches depend on the distance of neighbours, and no more, since valgrind
+/// The rays of a kind: a picture of usual size, since batches depend on the distance of neighbors, and no more, since valgrind
 /// is fifty times slower than the machine.
 const AMOUNT: Amount = Amount {
     side: 512,

@@ -104,7 +104,7 @@ pub(crate) enum BuilderName {
     Boxes,
     /// Wide nodes from object splits, without a binary hierarchy
     Objects,
-    /// A hierarchy joined from neighbours
+    /// A hierarchy joined from neighbors
     BottomUp,
     /// A hierarchy split in the middle of the box of its centers
     Midpoint,

@@ -37,7 +37,7 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = at_least_one)]
     samples: usize,
 
-    /// Trace about N rays of the picture, in whole runs of 64 neighbours, and the rays that follow from them; 0 traces all
+    /// Trace about N rays of the picture, in whole runs of 64 neighbors, and the rays that follow from them; 0 traces all
     #[arg(long, value_name = "N", default_value_t = 120_000)]
     ray_limit: usize,
 

@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::scenes::Scene;
 
-/// The scale of the colours of a heat picture.
+/// The scale of the colors of a heat picture.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 pub(crate) struct HeatScale {
-    /// Steps (nodes, leaves and triangles) of the brightest colour; one of 200 pixels may exceed it.
+    /// Steps (nodes, leaves and triangles) of the brightest color; one of 200 pixels may exceed it.
     pub(crate) brightest: u64,
     pub(crate) mean: f64,
 }

@@ -1,4 +1,4 @@
-//! Plots of a run, as SVG for a page. Black becomes the page's text colour there.
+//! Plots of a run, as SVG for a page. Black becomes the page's text color there.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Colours of the variants, in their order; distinct for any kind of colour vision (Okabe and Ito), and on light and dark
+/// Colors of the variants, in their order; distinct for any kind of color vision (Okabe and Ito), and on light and dark
 /// ground.
 const PALETTE: [RGBColor; 7] = [
     RGBColor(0xe6, 0x9f, 0x00),
@@ -90,7 +90,7 @@ fn legend(area: &Area<'_>, row: usize, name: &str, color: RGBAColor) -> anyhow::
 }
 
 impl XyPlot<'_> {
-    /// As SVG; empty without points. Names of lines are at the right, in their colours.
+    /// As SVG; empty without points. Names of lines are at the right, in their colors.
     pub(crate) fn to_svg(&self) -> anyhow::Result<String> {
         let of_lines = self
             .lines

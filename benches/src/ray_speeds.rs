@@ -38,7 +38,7 @@ pub(crate) struct RaysArgs {
     #[command(flatten)]
     table: SceneTableArgs,
 
-    /// Of each kind but primary, keep about this many rays, in whole runs of 64 neighbours; 0 keeps all
+    /// Of each kind but primary, keep about this many rays, in whole runs of 64 neighbors; 0 keeps all
     /// [default: 65536; 1024 with --smoke]
     #[arg(long, value_name = "N")]
     ray_limit: Option<usize>,

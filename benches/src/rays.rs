@@ -40,7 +40,7 @@ impl RayKind {
     }
 }
 
-/// Neighbours in a list are neighbours in space. Lists are thinned out in whole runs of `RUN` rays, which preserves that.
+/// Neighbors in a list are neighbors in space. Lists are thinned out in whole runs of `RUN` rays, which preserves that.
 const RUN: usize = 64;
 /// Pixels along the side of a tile.
 const TILE: u32 = 8;
@@ -155,7 +155,7 @@ impl RaySource<'_> {
     }
 }
 
-/// Every nth run of neighbours, so that about `limit` remain; all of them for a limit of 0.
+/// Every nth run of neighbors, so that about `limit` remain; all of them for a limit of 0.
 fn thinned<T>(items: &[T], limit: usize) -> impl Iterator<Item = &T> {
     let stride = if limit == 0 {
         1

@@ -221,7 +221,7 @@ fn group_rows(run: &Run<'_>, group: &Group) -> Markup {
     }
 }
 
-/// A figure with its speed below it; a clear difference is coloured.
+/// A figure with its speed below it; a clear difference is colored.
 fn figure_cell(figure: &Figure) -> Markup {
     let class = |speed: f64| match speed {
         s if s >= 1.1 => "faster",
@@ -362,7 +362,7 @@ fn scene_section(folder: &RunFolder, scene: &str) -> anyhow::Result<Markup> {
     })
 }
 
-/// The colours of the heat picture, as CSS.
+/// The colors of the heat picture, as CSS.
 fn ramp() -> String {
     let mut css = String::from("background:linear-gradient(to right");
     for step in 0..=16 {

@@ -87,7 +87,7 @@ impl RunFolder {
         self.path.join("scenes").join(format!("{scene}.{kind}.png"))
     }
 
-    /// The scale of the heat picture's colours.
+    /// The scale of the heat picture's colors.
     pub(crate) fn heat_scale(&self, scene: &str) -> PathBuf {
         self.path.join("scenes").join(format!("{scene}.heat.json"))
     }

@@ -33,7 +33,7 @@ impl Random {
         (self.next_u64() >> 40) as f32 * STEP - 1.0
     }
 
-    /// Uniform in the unit disc, by rejection, with its squared distance from the centre.
+    /// Uniform in the unit disc, by rejection, with its squared distance from the center.
     fn in_disc(&mut self) -> (f32, f32, f32) {
         loop {
             let (x, y) = (self.signed_unit(), self.signed_unit());

@@ -16,7 +16,7 @@ pub(crate) enum Manner {
     Single,
     /// The whole list at once
     Batch,
-    /// Eight neighbours of the list at a time
+    /// Eight neighbors of the list at a time
     Packets,
 }
 

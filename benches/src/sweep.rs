@@ -62,7 +62,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     samples: Option<usize>,
 
-    /// Of each kind but primary, keep about this many rays, in whole runs of 64 neighbours; 0 keeps all
+    /// Of each kind but primary, keep about this many rays, in whole runs of 64 neighbors; 0 keeps all
     /// [default: 65536; 4096 with --smoke]
     #[arg(long, value_name = "N")]
     ray_limit: Option<usize>,

@@ -9,16 +9,16 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, MAX_DEPTH, Mesh, Ray};
-use kd_trace::RayQuery;
+use kd_trace::delegate_ray_query;
 use kd_trace::kit::{Collect, Frame, RayPlanes, Span, TriangleTest, max, min};
 use smallvec::SmallVec;
 
-use crate::query::{self, Walk};
+use crate::query::{Walk, Walked};
 use crate::{CellOptions, CellStats, ComparatorError};
 use line::RayLine;
 use plane::Plane;
 
-/// A BSP tree over a mesh whose planes are those of its triangles, with the queries of [`RayQuery`].
+/// A BSP tree over a mesh whose planes are those of its triangles, with the queries of [`RayQuery`](kd_trace::RayQuery).
 ///
 /// In each cell the plane of one triangle divides the others into those in front and those behind. Triangles in the plane are
 /// listed at the node. (Eleftheriades, *kd-tree merging*, 2010, §2.3.3; H. Fuchs, Z. M. Kedem and B. F. Naylor, *On visible
@@ -123,22 +123,9 @@ impl PolygonBsp {
     }
 }
 
-impl RayQuery for PolygonBsp {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        query::intersect(self, ray)
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        query::occluded(self, ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        query::hits(self, ray, max, out);
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for PolygonBsp: single;
+    bsp => Walked(bsp),
 }
 
 impl Walk for PolygonBsp {

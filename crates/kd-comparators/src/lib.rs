@@ -35,7 +35,7 @@
 //! |---|---|---|---|
 //! | [`Binned`](BvhMethod::Binned) | SAH between bins | O(N log N) | Wald 2007 |
 //! | [`Sweep`](BvhMethod::Sweep) | SAH anywhere along an axis | O(N log² N) | Eleftheriades 2010, algorithm 1 |
-//! | [`BottomUp`](BvhMethod::BottomUp) | merges neighbours | O(N · radius) | Eleftheriades 2010, 2.2.1; Meister and Bittner 2018 |
+//! | [`BottomUp`](BvhMethod::BottomUp) | merges neighbors | O(N · radius) | Eleftheriades 2010, 2.2.1; Meister and Bittner 2018 |
 //! | [`Midpoint`](BvhMethod::Midpoint) | in the middle | O(N log N) | Shi 2011, 2.2 |
 //! | [`EqualCounts`](BvhMethod::EqualCounts) | in halves | O(N log N) | Shi 2011, 2.2 |
 //!

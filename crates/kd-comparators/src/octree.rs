@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Aabb, Hit, Mesh, Ray};
-use kd_trace::RayQuery;
+use kd_trace::delegate_ray_query;
 use kd_trace::kit::{Collect, Frame, RayPlanes, Span, TriangleTest, max, min};
 use smallvec::SmallVec;
 
-use crate::query::{self, Walk};
+use crate::query::{Walk, Walked};
 use crate::{CellOptions, CellStats, ComparatorError};
 
-/// An octree over a mesh, with the queries of [`RayQuery`].
+/// An octree over a mesh, with the queries of [`RayQuery`](kd_trace::RayQuery).
 ///
 /// The root is the scene's box. A cell of more triangles than [`with_small_leaf`](CellOptions::with_small_leaf) is divided in
 /// the middle of each axis into eight octants, and each triangle goes to every octant that it overlaps. Empty octants are not
@@ -22,7 +22,7 @@ use crate::{CellOptions, CellStats, ComparatorError};
 ///
 /// The paper's traversal finds the next cell by the side at which the ray leaves the last one. This traversal descends from the
 /// root and visits the octants of each cell in ray order: exit sides are uncertain where planes are crossed in an interval, and
-/// empty octants need no neighbours.
+/// empty octants need no neighbors.
 ///
 /// Expected time of a ray is that of the cells along it. A query allocates nothing up to the default depth.
 #[derive(Clone, Debug)]
@@ -106,22 +106,9 @@ impl Octree {
     }
 }
 
-impl RayQuery for Octree {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        query::intersect(self, ray)
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        query::occluded(self, ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        query::hits(self, ray, max, out);
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for Octree: single;
+    octree => Walked(octree),
 }
 
 impl Walk for Octree {

@@ -9,23 +9,28 @@ pub(crate) trait Walk {
     fn walk<C: Collect>(&self, ray: &Ray, collector: &mut C);
 }
 
-#[inline]
-pub(crate) fn intersect(structure: &impl Walk, ray: &Ray) -> Option<Hit> {
-    let mut closest = Closest::default();
-    structure.walk(ray, &mut closest);
-    closest.0
-}
+/// The queries of a structure by its walk.
+pub(crate) struct Walked<'a, W>(pub(crate) &'a W);
 
-#[inline]
-pub(crate) fn occluded(structure: &impl Walk, ray: &Ray) -> bool {
-    let mut any = Any::default();
-    structure.walk(ray, &mut any);
-    any.0
-}
+impl<W: Walk> Walked<'_, W> {
+    #[inline]
+    pub(crate) fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let mut closest = Closest::default();
+        self.0.walk(ray, &mut closest);
+        closest.0
+    }
 
-pub(crate) fn hits(structure: &impl Walk, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-    out.clear();
-    if max > 0 {
-        structure.walk(ray, &mut Ordered { max, out });
+    #[inline]
+    pub(crate) fn occluded(&self, ray: &Ray) -> bool {
+        let mut any = Any::default();
+        self.0.walk(ray, &mut any);
+        any.0
+    }
+
+    pub(crate) fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        out.clear();
+        if max > 0 {
+            self.0.walk(ray, &mut Ordered { max, out });
+        }
     }
 }

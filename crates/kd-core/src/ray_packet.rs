@@ -6,7 +6,7 @@ use glam::Vec3;
 /// Eight rays as a structure of arrays: each field of [`Ray`] has eight lanes, one per ray.
 ///
 /// It suits programs that make their rays eight at a time. The rays may be arbitrary. Coherent rays, such as those of
-/// neighbouring pixels, share the work of a traversal.
+/// neighboring pixels, share the work of a traversal.
 ///
 /// ```
 /// use kd_core::{Ray, RayPacket8};

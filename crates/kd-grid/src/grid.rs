@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Mesh, Ray};
-use kd_trace::RayQuery;
+use kd_trace::delegate_ray_query;
 use kd_trace::kit::{Any, Closest, Ordered};
 
 use crate::build::{self, Cells};
@@ -138,20 +138,7 @@ impl UniformGrid {
     }
 }
 
-impl RayQuery for UniformGrid {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.intersect(ray)
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        self.occluded(ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.hits(ray, max, out);
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for UniformGrid: single;
+    grid => grid,
 }

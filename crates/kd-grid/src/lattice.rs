@@ -23,7 +23,7 @@ pub(crate) struct Lattice {
     pub(crate) bounds: Aabb,
     /// Number of cells along each axis.
     pub(crate) resolution: [u32; 3],
-    /// Difference of the numbers of neighbours along each axis.
+    /// Difference of the numbers of neighbors along each axis.
     pub(crate) strides: [u32; 3],
     /// Cells per scene unit; 0 along an axis that is not divided.
     pub(crate) per_unit: [f64; 3],

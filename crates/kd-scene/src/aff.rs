@@ -242,7 +242,7 @@ impl Reader<'_> {
     fn light(&mut self, tokens: &mut Tokens<'_>, keys: Option<String>) -> Result<(), LoadError> {
         let position = vector(tokens, "the position of a light")?.as_vec3();
         let color = if tokens.is_number_next() {
-            color(tokens, "the colour of a light")?
+            color(tokens, "the color of a light")?
         } else {
             Vec3::ONE
         };
@@ -257,9 +257,9 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// `f` of NFF: one colour, and its diffuse and specular shares.
+    /// `f` of NFF: one color, and its diffuse and specular shares.
     fn simple_material(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
-        let color = color(tokens, "a colour")?;
+        let color = color(tokens, "a color")?;
         let [diffuse_share, specular_share] = tokens.numbers("the diffuse and specular shares")?;
         let diffuse = color * narrow(diffuse_share);
         self.add_material(
@@ -270,11 +270,11 @@ impl Reader<'_> {
         )
     }
 
-    /// `fm`: ambient, diffuse and specular colours.
+    /// `fm`: ambient, diffuse and specular colors.
     fn material(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
-        let ambient = color(tokens, "an ambient colour")?;
-        let diffuse = color(tokens, "a diffuse colour")?;
-        let specular = color(tokens, "a specular colour")?;
+        let ambient = color(tokens, "an ambient color")?;
+        let diffuse = color(tokens, "a diffuse color")?;
+        let specular = color(tokens, "a specular color")?;
         self.add_material(tokens, ambient, diffuse, specular)
     }
 
@@ -485,7 +485,7 @@ fn level(tokens: &mut Tokens<'_>) -> Result<u32, LoadError> {
 
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "colours and exponents are given in few digits"
+    reason = "colors and exponents are given in few digits"
 )]
 fn narrow(number: f64) -> f32 {
     number as f32

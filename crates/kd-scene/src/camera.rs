@@ -8,7 +8,7 @@ use kd_core::Aabb;
 pub struct Camera {
     /// Position, in scene units.
     pub eye: Vec3,
-    /// The point at the centre of the image. Should differ from `eye`; see [`view`](Self::view).
+    /// The point at the center of the image. Should differ from `eye`; see [`view`](Self::view).
     pub target: Vec3,
     /// Approximate up direction, of any length and at any angle to the view.
     pub up: Vec3,
@@ -21,11 +21,11 @@ pub struct Camera {
 pub struct View {
     /// Origin of every ray, in scene units.
     pub eye: Vec3,
-    /// Unit direction to the centre of the image.
+    /// Unit direction to the center of the image.
     pub forward: Vec3,
-    /// Vector from the centre of the image to its right edge, on the plane one unit in front of the eye.
+    /// Vector from the center of the image to its right edge, on the plane one unit in front of the eye.
     pub right: Vec3,
-    /// Vector from the centre of the image to its lower edge, on the plane one unit in front of the eye.
+    /// Vector from the center of the image to its lower edge, on the plane one unit in front of the eye.
     pub down: Vec3,
 }
 
@@ -108,18 +108,18 @@ impl Camera {
 
 impl View {
     /// Direction of the ray through a point of the image: `x` from 0 at the left edge to 1 at the right edge, `y` from 0 at the
-    /// upper edge to 1 at the lower edge. Its length is 1 at the centre and more elsewhere.
+    /// upper edge to 1 at the lower edge. Its length is 1 at the center and more elsewhere.
     pub fn direction(&self, x: f32, y: f32) -> Vec3 {
         self.forward + (2.0 * x - 1.0) * self.right + (2.0 * y - 1.0) * self.down
     }
 
-    /// Direction of the ray through the centre of the pixel in `column` and `row`, both from 0 at the upper left, of an image
+    /// Direction of the ray through the center of the pixel in `column` and `row`, both from 0 at the upper left, of an image
     /// of `width` × `height` pixels.
     pub fn through_pixel(&self, column: u32, row: u32, width: u32, height: u32) -> Vec3 {
         // Pixel counts above 2^24 round, by less than half a pixel.
         #[expect(clippy::cast_precision_loss, reason = "see above")]
-        let centre = |index: u32, count: u32| (index as f32 + 0.5) / count as f32;
-        self.direction(centre(column, width), centre(row, height))
+        let center = |index: u32, count: u32| (index as f32 + 0.5) / count as f32;
+        self.direction(center(column, width), center(row, height))
     }
 }
 

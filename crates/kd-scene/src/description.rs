@@ -12,7 +12,7 @@ use crate::{Camera, SceneSetup};
 /// A scene as a file describes it, for any time of its animation. It holds no trees.
 #[derive(Clone, Debug, Default)]
 pub struct SceneDescription {
-    /// Colour of rays that hit nothing, as red, green and blue in [`colors`](Self::colors).
+    /// Color of rays that hit nothing, as red, green and blue in [`colors`](Self::colors).
     pub background: Vec3,
     /// Ambient light, the same at every point.
     pub ambient: Vec3,
@@ -36,13 +36,13 @@ pub struct SceneDescription {
     pub camera_node: Option<usize>,
     /// Start, end and number of frames of the animation; `None` for a static scene.
     pub span: Option<Span>,
-    /// Colour space of all colours, and of the texels as [decoded](ColorSpace::decoded).
+    /// Color space of all colors, and of the texels as [decoded](ColorSpace::decoded).
     pub colors: ColorSpace,
     /// What the reader skipped or replaced, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// The meaning of colour values from 0 to 1.
+/// The meaning of color values from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorSpace {
     /// Values as sent to a display, without conversion. Older formats (AFF, NFF, OBJ) and their textures use it.
@@ -53,7 +53,7 @@ pub enum ColorSpace {
 }
 
 impl ColorSpace {
-    /// The colour of a texel, each channel from 0 to 1.
+    /// The color of a texel, each channel from 0 to 1.
     pub fn decoded(self, texel: [u8; 3]) -> Vec3 {
         let color = Vec3::from(texel.map(f32::from)) / 255.0;
         match self {
@@ -68,7 +68,7 @@ impl ColorSpace {
         }
     }
 
-    /// The pixel value of a colour. Channels are clamped to 0..=1; NaN becomes 0.
+    /// The pixel value of a color. Channels are clamped to 0..=1; NaN becomes 0.
     pub fn encoded(self, color: Vec3) -> [u8; 3] {
         let of_display = |x: f32| match self {
             Self::Display => x,
@@ -90,7 +90,7 @@ impl ColorSpace {
 pub struct Light {
     /// Position without animation, in scene units.
     pub position: Vec3,
-    /// Emitted colour, as red, green and blue.
+    /// Emitted color, as red, green and blue.
     pub color: Vec3,
     /// Key frames of an offset from [`position`](Self::position).
     pub keys: Option<Arc<Keys>>,
@@ -116,7 +116,7 @@ pub struct Material {
 }
 
 impl Default for Material {
-    /// A diffuse light grey.
+    /// A diffuse light gray.
     fn default() -> Self {
         Self {
             ambient: Vec3::splat(0.2),
@@ -258,7 +258,7 @@ impl Span {
 }
 
 impl SceneDescription {
-    /// A static mesh in one light grey material, under a bright background.
+    /// A static mesh in one light gray material, under a bright background.
     pub fn of_mesh(mesh: impl Into<Arc<Mesh>>) -> Self {
         let mesh = mesh.into();
         Self {

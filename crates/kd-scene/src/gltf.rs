@@ -29,7 +29,7 @@ use container::Container;
 ///
 /// All static triangles form one part, the triangles that move with a node form one part, and every skinned mesh forms one
 /// part. The reader supports the first animation (step, linear and cubic keys of nodes, and the skins that follow them), the
-/// first perspective camera, and materials by base colour, its texture, metalness and roughness; smooth materials reflect.
+/// first perspective camera, and materials by base color, its texture, metalness and roughness; smooth materials reflect.
 /// Other animations, orthographic cameras and morph targets are ignored with a warning; lights are ignored.
 ///
 /// # Errors

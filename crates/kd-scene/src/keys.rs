@@ -189,7 +189,7 @@ impl Track<Quaternion> {
 }
 
 impl Quaternion {
-    /// A rotation about an axis by an angle in degrees. The axis is not normalised.
+    /// A rotation about an axis by an angle in degrees. The axis is not normalized.
     pub(crate) fn about(axis: DVec3, degrees: f64) -> Self {
         let (sine, cosine) = libm::sincos(degrees.to_radians() * 0.5);
         let vector = axis * sine;

@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Reads a file as a scene, its format detected as by [`load_mesh`](crate::load_mesh): AFF and NFF with [`read_aff`], glTF with
-/// [`read_gltf`], OBJ with its materials by [`read_obj_scene`], PLY as a mesh in one light grey material.
+/// [`read_gltf`], OBJ with its materials by [`read_obj_scene`], PLY as a mesh in one light gray material.
 ///
 /// # Errors
 ///

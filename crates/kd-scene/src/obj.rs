@@ -1,7 +1,7 @@
 //! Reader of Wavefront OBJ: `tobj` parses a stream that is filtered to geometry.
 //!
 //! `tobj` 4 turns a polyline (`l 1 2 3`) into a polygon, drops faces of two corners, refuses comments after a statement, line
-//! continuations (`\`), and files where only some vertices have a colour, and its errors name no line. A filter can handle all
+//! continuations (`\`), and files where only some vertices have a color, and its errors name no line. A filter can handle all
 //! of these: [`Geometry`] passes one plain `v` or `f` statement at a time to `tobj` and keeps its line number. Errors that
 //! `tobj` detects only at the end are located by a second pass over the lines.
 
@@ -22,7 +22,7 @@ pub use scene::read_obj_scene;
 ///
 /// All objects, groups and materials form one mesh, with the faces in file order as triangle fans. Vertices are ordered by
 /// their first use in a face; unused vertices are dropped. Negative (relative) indices are valid, and so are faces before their
-/// vertices. A fourth coordinate divides the other three. Colours, material files, points, lines and unknown statements are
+/// vertices. A fourth coordinate divides the other three. Colors, material files, points, lines and unknown statements are
 /// ignored. The whole file is held in memory.
 ///
 /// # Errors
@@ -186,7 +186,7 @@ impl<'a> Geometry<'a> {
             match words.next() {
                 Some(b"v") => {
                     self.vertices += 1;
-                    // Four numbers are homogeneous coordinates; more than four are a position and a colour.
+                    // Four numbers are homogeneous coordinates; more than four are a position and a color.
                     let numbers = if words.clone().count() == 4 { 4 } else { 3 };
                     self.plain.push(b'v');
                     for number in words.take(numbers) {

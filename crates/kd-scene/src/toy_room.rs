@@ -185,7 +185,7 @@ fn shelves(text: &mut String) {
                 [near.max(far), y + 0.03, 2.0],
                 false,
             );
-            // Books of pseudo-random sizes and colours.
+            // Books of pseudo-random sizes and colors.
             for book in 0_u32..14 {
                 let number = book + 14 * level + if side > 0.0 { 56 } else { 0 };
                 let random = |step: u32| f64::from((number * 7919 + step * 104_729) % 97) / 97.0;

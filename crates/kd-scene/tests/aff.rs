@@ -218,7 +218,7 @@ fn errors_name_file_and_line() {
         ("\nq 1", "scene.aff: line 2: unknown command `q`"),
         (
             "s 0 0 zero 1",
-            "scene.aff: line 1: the centre of a sphere: `zero` is not a number",
+            "scene.aff: line 1: the center of a sphere: `zero` is not a number",
         ),
         (
             "s 0 0 0",

@@ -55,7 +55,7 @@ fn valid_files_are_read() {
             &[[0, 1, 2], [0, 2, 3]],
         ),
         ("tabs", "\tf\t1  2\t3 ", &[[0, 1, 2]]),
-        ("colours on some", "v 5 5 5 .1 .2 .3\nf 1 2 3", &[[0, 1, 2]]),
+        ("colors on some", "v 5 5 5 .1 .2 .3\nf 1 2 3", &[[0, 1, 2]]),
         ("homogeneous", "v 2 2 2 2\nf 1 2 3", &[[0, 1, 2]]),
         ("old face", "fo 1 2 3", &[[0, 1, 2]]),
         ("repeated corner", "f 1 1 2", &[[0, 0, 1]]),

@@ -99,7 +99,7 @@ fn triangles_have_their_materials_normals_and_uvs() {
     assert_eq!(wood.diffuse, Vec3::ONE, "white under a texture");
     assert_eq!(
         scene.warnings,
-        ["a/scene.obj: unknown material `nothing`; using light grey"]
+        ["a/scene.obj: unknown material `nothing`; using light gray"]
     );
 }
 

@@ -1,7 +1,7 @@
 //! Turns a calibration file on standard input into the source of the built-in calibration on standard output:
 //!
 //! ```text
-//! cargo run -p kd-select --features json --example built_in < FILE > new.rs && mv new.rs crates/kd-select/src/built_in.rs
+//! cargo run -p kd-select --features json --example built_in < FILE > new.rs && mv new.rs crates/kd-select/src/built_in/data.rs
 //! ```
 #![allow(clippy::print_stdout, reason = "a program")]
 
@@ -9,7 +9,7 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::io::Read as _;
 
-use kd_select::{Calibration, Features, Times};
+use kd_select::{Calibration, Features, Opening, Times};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut text = String::new();
@@ -20,51 +20,18 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 const HEAD: &str = "\
-//! The calibration that comes with the library, as Rust data.
+//! The measured scenes.
 //!
 //! Generated from a calibration file by `examples/built_in.rs`; not to be changed by hand.
 
-use crate::calibration::Features;
-use crate::calibration::RayScheme::{self, Path, Random};
-use crate::times::Structure::{self, Balanced, Best, Fast, Grid, Lazy, Objects};
-use crate::times::{Opening, Times};
-
-/// A measured scene.
-pub(crate) struct Scene {
-    pub(crate) name: &'static str,
-    pub(crate) rays: RayScheme,
-    pub(crate) features: Features,
-    pub(crate) times: &'static [(Structure, Times)],
-}
-
-const fn features(
-    triangles: u64,
-    refs_per_triangle: f64,
-    sigma: f64,
-    sparseness: f64,
-    hit_share: f64,
-) -> Features {
-    Features {
-        triangles,
-        refs_per_triangle,
-        sigma,
-        sparseness,
-        hit_share,
-    }
-}
-
-/// The build, a ray, and the opening cost with its number of rays.
-const fn lazy(build_seconds: f64, ray_seconds: f64, seconds: f64, rays: f64) -> Times {
-    Times {
-        build_seconds,
-        ray_seconds,
-        opening: Some(Opening { seconds, rays }),
-    }
-}
+use super::{Scene, features, lazy};
+use crate::calibration::RayScheme::{Path, Random};
+use crate::times::Structure::{Balanced, Best, Fast, Grid, Lazy, Objects};
+use crate::times::Times;
 
 ";
 
-/// The source of `src/built_in.rs`.
+/// The source of `src/built_in/data.rs`.
 pub(crate) fn source_of(calibration: &Calibration) -> Result<String, std::fmt::Error> {
     let Calibration {
         version,
@@ -92,32 +59,28 @@ pub(crate) fn source_of(calibration: &Calibration) -> Result<String, std::fmt::E
             sparseness,
             hit_share,
         } = scene.features;
-        writeln!(
-            text,
-            "    Scene {{\n        name: {:?},\n        rays: {:?},\n        \
-             features: features({triangles}, {refs_per_triangle:?}, {sigma:?}, {sparseness:?}, {hit_share:?}),\n        \
-             times: &[",
-            scene.scene, scene.rays
-        )?;
-        for (structure, times) in &scene.times {
+        let times = scene.times.iter().map(|(structure, times)| {
             let Times {
-                build_seconds,
-                ray_seconds,
+                build_seconds: build,
+                ray_seconds: ray,
                 opening,
             } = times;
             match opening {
-                None => writeln!(
-                    text,
-                    "            ({structure:?}, Times::new({build_seconds:?}, {ray_seconds:?})),"
-                )?,
-                Some(opening) => writeln!(
-                    text,
-                    "            ({structure:?}, lazy({build_seconds:?}, {ray_seconds:?}, {:?}, {:?})),",
-                    opening.seconds, opening.rays
-                )?,
+                None => format!("({structure:?}, Times::new({build:?}, {ray:?}))"),
+                Some(Opening { seconds, rays }) => {
+                    format!("({structure:?}, lazy({build:?}, {ray:?}, {seconds:?}, {rays:?}))")
+                }
             }
-        }
-        writeln!(text, "        ],\n    }},")?;
+        });
+        writeln!(
+            text,
+            "    Scene {{ name: {:?}, rays: {:?}, \
+             features: features({triangles}, {refs_per_triangle:?}, {sigma:?}, {sparseness:?}, {hit_share:?}), \
+             times: &[{}] }},",
+            scene.scene,
+            scene.rays,
+            times.collect::<Vec<_>>().join(", ")
+        )?;
     }
     writeln!(text, "];")?;
     Ok(text)

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub enum Structure {
     /// A uniform grid.
     Grid,
-    /// Wide nodes of objects: triangles divided by their centres, without a kd-tree. Older files call it `bvh`.
+    /// Wide nodes of objects: triangles divided by their centers, without a kd-tree. Older files call it `bvh`.
     #[cfg_attr(feature = "json", serde(alias = "bvh"))]
     Objects,
     /// A kd-tree of the preset `fast`.

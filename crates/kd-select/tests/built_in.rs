@@ -9,6 +9,6 @@ use kd_select::Calibration;
 #[test]
 fn the_source_is_generated() {
     let source = generator::source_of(&Calibration::built_in()).expect("a text");
-    let file = include_str!("../src/built_in.rs");
-    assert!(source == file, "src/built_in.rs was changed by hand");
+    let file = include_str!("../src/built_in/data.rs");
+    assert!(source == file, "src/built_in/data.rs was changed by hand");
 }

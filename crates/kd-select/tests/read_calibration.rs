@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use kd_oracle::effort;
 use kd_select::{
     Calibration, CalibrationError, Choice, Estimator, Features, MeasuredScene, Opening, RayScheme,
     Structure, Times,
@@ -213,7 +214,7 @@ fn damage() -> impl Strategy<Value = Damage> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #![proptest_config(ProptestConfig::with_cases(effort::cases(200, 2000)))]
 
     #[test]
     fn any_damage_to_a_file(damages in prop::collection::vec(damage(), 1..5)) {

@@ -35,5 +35,6 @@ pub use crate::collect::{Any, Closest, Collect, Ordered};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::probe::Probe;
 pub use crate::triangle::TriangleTest;
+pub use kd_core::{Ray, RayPacket8};
 pub use kd_simd::{max, min};
 pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit};

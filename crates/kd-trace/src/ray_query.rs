@@ -78,6 +78,91 @@ pub trait RayQuery {
     }
 }
 
+/// Implements [`RayQuery`] for a type that holds what answers: `pattern => target` names, for each form of the type, the value
+/// whose methods of the same names answer.
+///
+/// `single` implements the required methods; `batch` and `packet` replace the default bodies, which ask one ray at a time, by
+/// the methods of the target.
+///
+/// ```
+/// use kd_core::Hit;
+/// use kd_trace::{PackedTree, RayQuery, WideTree, delegate_ray_query};
+///
+/// enum Either {
+///     Packed(PackedTree),
+///     Wide(WideTree),
+/// }
+///
+/// delegate_ray_query! {
+///     impl RayQuery<Hit = Hit> for Either: single, batch, packet;
+///     Self::Packed(tree) => tree,
+///     Self::Wide(tree) => tree,
+/// }
+/// ```
+#[macro_export]
+macro_rules! delegate_ray_query {
+    (
+        impl RayQuery<Hit = $hit:ty> for $type:ty: $($queries:ident),+;
+        $($pattern:pat => $target:expr),+ $(,)?
+    ) => {
+        impl $crate::RayQuery for $type {
+            type Hit = $hit;
+
+            $crate::delegate_ray_query!(@all [$($queries),+] $hit, [$($pattern => $target),+]);
+        }
+    };
+    (@all [$($queries:ident),+] $hit:ty, $arms:tt) => {
+        $($crate::delegate_ray_query!(@$queries $hit, $arms);)+
+    };
+    (@single $hit:ty, [$($pattern:pat => $target:expr),+]) => {
+        #[inline]
+        fn intersect(&self, ray: &$crate::kit::Ray) -> Option<$hit> {
+            match self {
+                $($pattern => $target.intersect(ray),)+
+            }
+        }
+
+        #[inline]
+        fn occluded(&self, ray: &$crate::kit::Ray) -> bool {
+            match self {
+                $($pattern => $target.occluded(ray),)+
+            }
+        }
+
+        fn hits(&self, ray: &$crate::kit::Ray, max: usize, out: &mut Vec<$hit>) {
+            match self {
+                $($pattern => $target.hits(ray, max, out),)+
+            }
+        }
+    };
+    (@batch $hit:ty, [$($pattern:pat => $target:expr),+]) => {
+        fn intersect_batch(&self, rays: &[$crate::kit::Ray], hits: &mut [Option<$hit>]) {
+            match self {
+                $($pattern => $target.intersect_batch(rays, hits),)+
+            }
+        }
+
+        fn occluded_batch(&self, rays: &[$crate::kit::Ray], occluded: &mut [bool]) {
+            match self {
+                $($pattern => $target.occluded_batch(rays, occluded),)+
+            }
+        }
+    };
+    (@packet $hit:ty, [$($pattern:pat => $target:expr),+]) => {
+        fn intersect8(&self, packet: &$crate::kit::RayPacket8) -> [Option<$hit>; 8] {
+            match self {
+                $($pattern => $target.intersect8(packet),)+
+            }
+        }
+
+        fn occluded8(&self, packet: &$crate::kit::RayPacket8) -> [bool; 8] {
+            match self {
+                $($pattern => $target.occluded8(packet),)+
+            }
+        }
+    };
+}
+
 /// A borrowed structure answers as the structure does.
 impl<Q: RayQuery + ?Sized> RayQuery for &Q {
     type Hit = Q::Hit;
@@ -113,20 +198,7 @@ impl<Q: RayQuery + ?Sized> RayQuery for &Q {
     }
 }
 
-impl RayQuery for PackedTree {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.intersect(ray)
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        self.occluded(ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.hits(ray, max, out);
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for PackedTree: single;
+    tree => tree,
 }

@@ -255,6 +255,7 @@ impl Filter {
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
+    use kd_oracle::effort;
     use proptest::prelude::*;
 
     use super::*;
@@ -303,7 +304,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(40_000))]
+        #![proptest_config(ProptestConfig::with_cases(effort::cases(6_000, 40_000)))]
 
         /// The filter rejects no hit, at any scale. The reach is the least possible one.
         #[test]

@@ -116,7 +116,7 @@ impl WideForest {
     /// Moves the triangles of a member to their positions in `mesh`, which has as many as the member was made from. The nodes
     /// stay, with boxes around the moved triangles. `first_slot` is that of [`push`](Self::push).
     ///
-    /// Linear in the size of the member. Rays become slow where neighbouring triangles move apart: [`cost`](Self::cost)
+    /// Linear in the size of the member. Rays become slow where neighboring triangles move apart: [`cost`](Self::cost)
     /// measures it.
     ///
     /// # Panics

@@ -140,7 +140,7 @@ impl WideNode {
         }
     }
 
-    /// Sets the orders: rays meet the children by the centres of their boxes along the diagonal of each octant.
+    /// Sets the orders: rays meet the children by the centers of their boxes along the diagonal of each octant.
     pub(crate) fn order_by_centers(&mut self) {
         // Lanes without a child are never met, wherever they are.
         let centers: [[f32; WIDTH]; 3] = self.faces.map(|[starts, ends]| {

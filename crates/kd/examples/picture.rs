@@ -56,7 +56,7 @@ fn to_byte(linear: f32) -> u8 {
     (linear.sqrt() * 255.0) as u8
 }
 
-/// Linear colour, 0 to 1: sky, or grey lit by one lamp.
+/// Linear color, 0 to 1: sky, or gray lit by one lamp.
 fn shade(tree: &KdTree, ray: &Ray, light: Vec3) -> Vec3 {
     let Some(hit) = tree.intersect(ray) else {
         return Vec3::new(0.55, 0.72, 0.9);

@@ -10,7 +10,7 @@ use kd_core::{Hit, Mesh, Ray};
 use kd_grid::{GridOptions, UniformGrid};
 use kd_sah::BuildOptions;
 use kd_select::{Calibration, CalibrationError, Estimator, Structure};
-use kd_trace::{RayQuery, WideTree};
+use kd_trace::{RayQuery, WideTree, delegate_ray_query};
 use thiserror::Error;
 
 use crate::{KdTree, LazyTree};
@@ -135,33 +135,18 @@ impl Accel {
     /// As [`KdTree::intersect`].
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        match &self.built {
-            Built::Grid(grid) => grid.intersect(ray),
-            Built::Objects(wide) => wide.intersect(ray),
-            Built::Tree(tree) => tree.intersect(ray),
-            Built::Lazy(tree) => tree.intersect(ray),
-        }
+        RayQuery::intersect(self, ray)
     }
 
     /// As [`KdTree::occluded`].
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        match &self.built {
-            Built::Grid(grid) => grid.occluded(ray),
-            Built::Objects(wide) => wide.occluded(ray),
-            Built::Tree(tree) => tree.occluded(ray),
-            Built::Lazy(tree) => tree.occluded(ray),
-        }
+        RayQuery::occluded(self, ray)
     }
 
     /// As [`KdTree::hits`].
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        match &self.built {
-            Built::Grid(grid) => grid.hits(ray, max, out),
-            Built::Objects(wide) => wide.hits(ray, max, out),
-            Built::Tree(tree) => tree.hits(ray, max, out),
-            Built::Lazy(tree) => tree.hits(ray, max, out),
-        }
+        RayQuery::hits(self, ray, max, out);
     }
 
     /// As [`KdTree::intersect_batch`]; ray by ray through a grid or a lazy tree.
@@ -170,12 +155,7 @@ impl Accel {
     ///
     /// If the slices differ in length.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        match &self.built {
-            Built::Grid(grid) => grid.intersect_batch(rays, hits),
-            Built::Objects(wide) => wide.intersect_batch(rays, hits),
-            Built::Tree(tree) => tree.intersect_batch(rays, hits),
-            Built::Lazy(tree) => tree.intersect_batch(rays, hits),
-        }
+        RayQuery::intersect_batch(self, rays, hits);
     }
 
     /// As [`KdTree::occluded_batch`]; ray by ray through a grid or a lazy tree.
@@ -184,39 +164,16 @@ impl Accel {
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        match &self.built {
-            Built::Grid(grid) => grid.occluded_batch(rays, occluded),
-            Built::Objects(wide) => wide.occluded_batch(rays, occluded),
-            Built::Tree(tree) => tree.occluded_batch(rays, occluded),
-            Built::Lazy(tree) => tree.occluded_batch(rays, occluded),
-        }
+        RayQuery::occluded_batch(self, rays, occluded);
     }
 }
 
-impl RayQuery for Accel {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.intersect(ray)
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        self.occluded(ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.hits(ray, max, out);
-    }
-
-    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.intersect_batch(rays, hits);
-    }
-
-    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.occluded_batch(rays, occluded);
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for Accel: single, batch, packet;
+    Self { built: Built::Grid(grid), .. } => grid,
+    Self { built: Built::Objects(wide), .. } => wide,
+    Self { built: Built::Tree(tree), .. } => tree,
+    Self { built: Built::Lazy(tree), .. } => tree,
 }
 
 impl Built {
@@ -242,16 +199,5 @@ impl Built {
 impl fmt::Display for Accel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.decision.fmt(f)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn queries_may_run_on_any_thread() {
-        fn shared<T: Send + Sync>() {}
-        shared::<Accel>();
     }
 }

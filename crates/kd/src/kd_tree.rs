@@ -7,10 +7,9 @@ use std::sync::Arc;
 
 use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
 use kd_sah::{BuildError, BuildOptions, BuildProgress};
-use kd_trace::{Level, RayQuery};
+use kd_trace::{Level, RayQuery, delegate_ray_query};
 
 use crate::layout::{LayoutPolicy, TreeLayout};
-use crate::query::delegate_ray_query;
 
 /// A kd-tree over a mesh with the [layout](crate::layout) that rays traverse. Queries take `&self` and may run on any number of
 /// threads.
@@ -197,7 +196,7 @@ impl KdTree {
     ///
     /// Batches detect coherent rays; the caller declares nothing. In the wide layout, every 64 rays in a row form a tile that
     /// descends together where its rays are coherent: camera rays in tiles of 8 by 8 pixels or in rows, shadow rays from
-    /// neighbouring points to one light, parallel rays. Rays that diverge on the way continue alone. Mirrored rays are sorted, up
+    /// neighboring points to one light, parallel rays. Rays that diverge on the way continue alone. Mirrored rays are sorted, up
     /// to 4096 at a time, into coherent groups. Incoherent rays take turns, sixteen at a time, which hides the latency of
     /// memory. The binary layout traces one ray after the other. All work runs on the calling thread.
     ///
@@ -270,18 +269,14 @@ impl KdTree {
     }
 }
 
-delegate_ray_query!(KdTree, Hit, |tree| tree);
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for KdTree: single, batch, packet;
+    tree => tree,
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn queries_may_run_on_any_thread() {
-        fn shared<T: Send + Sync>() {}
-        shared::<KdTree>();
-        shared::<Arc<Mesh>>();
-    }
 
     #[test]
     #[should_panic(expected = "one hit per ray")]

@@ -26,8 +26,8 @@
 //! A mesh of at most 1024 triangles therefore has the same wide nodes with every method. To trace the very cells that a builder
 //! made, choose [`Layout::Binary`].
 
-use kd_core::{Hit, Mesh, Ray, RayPacket8, Tree};
-use kd_trace::RayQuery;
+use kd_core::{Hit, Mesh, Tree};
+use kd_trace::delegate_ray_query;
 
 use crate::{BuildOptions, Layout, MergeMethod, Method, Strategy};
 #[cfg(doc)]
@@ -167,54 +167,19 @@ impl TreeLayout {
     }
 }
 
-/// Evaluates the same expression for the tree of either layout.
-macro_rules! for_layout {
-    ($layout:expr, $tree:ident => $answer:expr) => {
-        match $layout {
-            TreeLayoutRef::Binary($tree) => $answer,
-            TreeLayoutRef::Wide($tree) => $answer,
-        }
-    };
-}
-
 impl TreeLayoutRef<'_> {
     pub(crate) fn bytes(self) -> LayoutBytes {
-        for_layout!(self, tree => tree.bytes())
+        match self {
+            Self::Binary(tree) => tree.bytes(),
+            Self::Wide(tree) => tree.bytes(),
+        }
     }
 }
 
-impl RayQuery for TreeLayoutRef<'_> {
-    type Hit = Hit;
-
-    #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        for_layout!(self, tree => tree.intersect(ray))
-    }
-
-    #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
-        for_layout!(self, tree => tree.occluded(ray))
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        for_layout!(self, tree => tree.hits(ray, max, out));
-    }
-
-    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for_layout!(self, tree => tree.intersect_batch(rays, hits));
-    }
-
-    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        for_layout!(self, tree => tree.occluded_batch(rays, occluded));
-    }
-
-    fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
-        for_layout!(self, tree => tree.intersect8(packet))
-    }
-
-    fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
-        for_layout!(self, tree => tree.occluded8(packet))
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for TreeLayoutRef<'_>: single, batch, packet;
+    Self::Binary(tree) => tree,
+    Self::Wide(tree) => tree,
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use kd_core::{Aabb, Hit, Mesh, Ray};
 use kd_sah::{BuildError, BuildOptions, LazyNode, Opened};
 use kd_trace::lazy::{self, Entered, LazyCells};
-use kd_trace::{PackedTree, RayQuery};
+use kd_trace::{PackedTree, RayQuery, delegate_ray_query};
 
 use crate::KdTree;
 
@@ -137,20 +137,9 @@ impl LazyTree {
     }
 }
 
-impl RayQuery for LazyTree {
-    type Hit = Hit;
-
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.intersect(ray)
-    }
-
-    fn occluded(&self, ray: &Ray) -> bool {
-        self.occluded(ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        self.hits(ray, max, out);
-    }
+delegate_ray_query! {
+    impl RayQuery<Hit = Hit> for LazyTree: single;
+    tree => tree,
 }
 
 /// The cells, with the mesh and the options to divide them.
@@ -196,16 +185,5 @@ fn opened_below(cell: &LazyNode<PackedTree>) -> usize {
             1 + children.iter().map(opened_below).sum::<usize>()
         }
         Some(Opened::Subtree(_)) => 1,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn queries_may_run_on_any_thread() {
-        fn shared<T: Send + Sync>() {}
-        shared::<LazyTree>();
     }
 }

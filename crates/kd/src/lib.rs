@@ -59,7 +59,7 @@
 //! | [`KdTree::intersect`] | the closest [`Hit`] |
 //! | [`KdTree::occluded`] | whether there is any hit |
 //! | [`KdTree::hits`] | the first `max` hits, in order |
-//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbours are coherent |
+//! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbors are coherent |
 //! | [`KdTree::intersect8`], [`KdTree::occluded8`] | the same for a [`RayPacket8`], eight rays in lanes |
 //!
 //! The trait [`RayQuery`] has the same queries for every structure here. No ray value causes a panic: NaN, infinities, a zero
@@ -125,7 +125,6 @@ mod counters;
 mod kd_tree;
 pub mod layout;
 mod lazy_tree;
-mod query;
 pub mod scene;
 
 pub use accel::{Accel, RayBudget};

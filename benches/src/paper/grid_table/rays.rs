@@ -37,12 +37,12 @@ impl Rays {
         structure.any(by, &self.any, &mut answered.any);
     }
 
-    /// About `count` rays, in runs of neighbours spread evenly over all.
+    /// About `count` rays, in runs of neighbors spread evenly over all.
     pub(super) fn spread(&self, count: usize) -> Self {
-        const NEIGHBOURS: usize = 64;
+        const NEIGHBORS: usize = 64;
         let stride = self.len().div_ceil(count.max(1)).max(1);
         let some = |rays: &[Ray]| {
-            let runs = rays.chunks(NEIGHBOURS).step_by(stride);
+            let runs = rays.chunks(NEIGHBORS).step_by(stride);
             runs.flatten().copied().collect()
         };
         Self {
@@ -51,7 +51,7 @@ impl Rays {
         }
     }
 
-    /// Runs of a few neighbours.
+    /// Runs of a few neighbors.
     pub(super) fn runs(&self) -> Vec<Self> {
         let closest = self.closest.chunks(RUN).map(|rays| (rays.to_vec(), vec![]));
         let any = self.any.chunks(RUN).map(|rays| (vec![], rays.to_vec()));

@@ -11,7 +11,7 @@ pub(crate) struct Bounds {
     pub(crate) max: Vec3A,
 }
 
-/// The box of a group of items and the box of their centres.
+/// The box of a group of items and the box of their centers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Around {
     pub(crate) bounds: Bounds,
@@ -58,7 +58,7 @@ impl Bounds {
         self.max = self.max.max(point);
     }
 
-    /// The centre. The sum of two halves is finite for any finite box.
+    /// The center. The sum of two halves is finite for any finite box.
     #[inline(always)]
     pub(crate) fn center(&self) -> Vec3A {
         0.5 * self.min + 0.5 * self.max
@@ -80,7 +80,7 @@ impl Bounds {
     }
 }
 
-/// A sort key: ascends with the item's centre on an axis, then with its triangle. No two items of a mesh have the same key.
+/// A sort key: ascends with the item's center on an axis, then with its triangle. No two items of a mesh have the same key.
 #[inline(always)]
 pub(crate) fn key(item: &Item, axis: Axis) -> u64 {
     // Adding zero turns -0.0 into 0.0, which is the same place.
@@ -110,13 +110,13 @@ impl Around {
         around
     }
 
-    /// The axis with the largest extent of centres; the first among equals.
+    /// The axis with the largest extent of centers; the first among equals.
     pub(crate) fn widest_axis(&self) -> Axis {
         widest_axis(self.centers.max - self.centers.min)
     }
 }
 
-/// The axis with the largest distance between the centres of two boxes, and whether the second box is lower on that axis.
+/// The axis with the largest distance between the centers of two boxes, and whether the second box is lower on that axis.
 /// Rays that ascend on the axis meet the lower box first.
 pub(crate) fn apart(first: &Bounds, second: &Bounds) -> (Axis, bool) {
     let apart = second.center() - first.center();
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_ascend_with_centres_and_then_with_triangles() {
+    fn keys_ascend_with_centers_and_then_with_triangles() {
         let places = [-3e38, -1.0, -1e-40, -0.0, 0.0, 1e-40, 0.5, 2.0, 3e38];
         let items: Vec<Item> = (0..).zip(places).map(|(i, x)| at(x, i)).collect();
         for axis in Axis::ALL {

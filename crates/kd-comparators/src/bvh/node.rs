@@ -33,7 +33,7 @@ const LEAF: u32 = 3;
 pub enum BvhNodeView {
     /// Two children, whose boxes may overlap. The first is the next node.
     Interior {
-        /// The axis with the largest distance between the centres of the children's boxes. The first child is the lower one.
+        /// The axis with the largest distance between the centers of the children's boxes. The first child is the lower one.
         axis: Axis,
         /// The index of the second child.
         second: u32,

@@ -8,7 +8,7 @@ use crate::ComparatorError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum BvhMethod {
-    /// The division of least SAH cost among all that cut the order of centres along an axis in two (algorithm 1 of
+    /// The division of least SAH cost among all that cut the order of centers along an axis in two (algorithm 1 of
     /// Eleftheriades 2010, after I. Wald, S. Boulos, P. Shirley, *Ray Tracing Deformable Scenes Using Dynamic Bounding Volume
     /// Hierarchies*, 2007). Sorts in each node, in O(N log² N) time: the slow build that others are measured by.
     Sweep,
@@ -16,13 +16,13 @@ pub enum BvhMethod {
     /// bins of each axis, 16 for few triangles, in O(N log N) time. Nearly as good as a sweep, and much faster (I. Wald, *On fast
     /// Construction of SAH-based Bounding Volume Hierarchies*, 2007).
     Binned,
-    /// The middle of the largest extent of centres (Shi 2011, section 2.2). Halves triangles that the middle does not
+    /// The middle of the largest extent of centers (Shi 2011, section 2.2). Halves triangles that the middle does not
     /// separate.
     Midpoint,
     /// Equal counts on both sides of the same axis (Shi 2011, section 2.2).
     EqualCounts,
-    /// Merges the neighbours with the smallest common box, from the triangles up (Eleftheriades 2010, section 2.2.1).
-    /// Neighbours are searched along a space-filling curve (D. Meister, J. Bittner, *Parallel Locally-Ordered Clustering for
+    /// Merges the neighbors with the smallest common box, from the triangles up (Eleftheriades 2010, section 2.2.1).
+    /// Neighbors are searched along a space-filling curve (D. Meister, J. Bittner, *Parallel Locally-Ordered Clustering for
     /// Bounding Volume Hierarchy Construction*, 2018), in about O(N · radius) time.
     BottomUp {
         /// The range of the search along the curve, in both directions, at least 1. A radius of the number of triangles

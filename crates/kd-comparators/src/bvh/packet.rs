@@ -31,7 +31,7 @@ impl Bvh {
     /// [`intersect_batch`](kd_trace::RayQuery::intersect_batch), with its counts. Slower.
     ///
     /// Both trace packets of up to 256 rays. They suit rays that are close together, as those of a tile of a picture, with
-    /// neighbours next to each other. Rays further apart than triangles are large take longer than one by one: each leaf is
+    /// neighbors next to each other. Rays further apart than triangles are large take longer than one by one: each leaf is
     /// entered for a few rays, and compared with many. Rays of several octants may be mixed.
     ///
     /// # Panics

@@ -6,7 +6,7 @@ use kd_trace::kit::{Closest, Collect, Probe};
 
 use super::walk::{PreparedRay, walk};
 use super::{Bvh, BvhCounts};
-use crate::query::{self, Walk};
+use crate::query::{Walk, Walked};
 
 impl Bvh {
     /// [`intersect`](RayQuery::intersect), with its counts. Slower.
@@ -37,16 +37,16 @@ impl RayQuery for Bvh {
 
     #[inline]
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        query::intersect(self, ray)
+        Walked(self).intersect(ray)
     }
 
     #[inline]
     fn occluded(&self, ray: &Ray) -> bool {
-        query::occluded(self, ray)
+        Walked(self).occluded(ray)
     }
 
     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        query::hits(self, ray, max, out);
+        Walked(self).hits(ray, max, out);
     }
 
     fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {

@@ -2,7 +2,7 @@
 //! heuristic*; Eleftheriades 2010 §2.4.2.2).
 //!
 //! On each axis the primitives below and above are counted at eight equidistant planes, then at eight more planes where the
-//! counts change fastest. Both counts are assumed to be linear between neighbouring planes. The probabilities of entering
+//! counts change fastest. Both counts are assumed to be linear between neighboring planes. The probabilities of entering
 //! either child are linear too, so that the cost is a quadratic function on each interval. The plane is at the least
 //! minimum of these functions.
 
@@ -116,7 +116,7 @@ impl Samples {
     }
 }
 
-/// The interval between two neighbouring samples.
+/// The interval between two neighboring samples.
 struct Interval {
     first: Sample,
     last: Sample,

@@ -18,7 +18,7 @@ impl Reader<'_> {
         tokens: &mut Tokens<'_>,
         enclosing: Enclosing,
     ) -> Result<(), LoadError> {
-        let center = vector(tokens, "the centre of a sphere")?;
+        let center = vector(tokens, "the center of a sphere")?;
         let radius = tokens.number("the radius of a sphere")?;
         let resolution = self.options.resolution.max(1);
         let cells = (resolution as usize).saturating_mul(resolution as usize);

@@ -19,7 +19,7 @@ pub(super) struct Accessors<'a> {
 }
 
 impl Accessors<'_> {
-    /// The values of an accessor, `N` numbers each. Integers of a normalised accessor, or if `is_normalized`, are divided by
+    /// The values of an accessor, `N` numbers each. Integers of a normalized accessor, or if `is_normalized`, are divided by
     /// the largest integer of their type.
     ///
     /// # Errors

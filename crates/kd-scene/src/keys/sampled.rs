@@ -24,7 +24,7 @@ pub(crate) enum Values<T> {
 pub(crate) trait Interpolate: Copy {
     /// Linear interpolation from `self` (0) to `other` (1); spherical for rotations.
     fn interpolate(self, other: Self, fraction: f64) -> Self;
-    /// The weighted sum, normalised for rotations.
+    /// The weighted sum, normalized for rotations.
     fn weighted_sum(parts: [(f64, Self); 4]) -> Self;
 }
 

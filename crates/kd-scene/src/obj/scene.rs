@@ -14,9 +14,9 @@ use crate::{LoadError, Material, SceneDescription, Surface, Texture, TextureSour
 /// Reads a Wavefront OBJ file as a static scene of one part: the geometry of [`read_obj`], normals, texture coordinates and
 /// materials. `files` reads the file at a path; names in the file are relative to `path`.
 ///
-/// A material has a diffuse colour or texture, highlights, a mirror reflectance if its illumination model is 3 or more, and a
+/// A material has a diffuse color or texture, highlights, a mirror reflectance if its illumination model is 3 or more, and a
 /// transmittance of 1 minus its `d`. A material file that is missing or invalid, and a material that no file defines, are
-/// warnings; their triangles are light grey.
+/// warnings; their triangles are light gray.
 ///
 /// # Errors
 ///
@@ -222,11 +222,11 @@ impl Reader<'_> {
         }
     }
 
-    /// Makes a material current; an unknown name selects light grey.
+    /// Makes a material current; an unknown name selects light gray.
     fn use_material(&mut self, name: &str) {
         let known = self.material_indices.get(name).copied();
         self.current = known.unwrap_or_else(|| {
-            let warning = format!("{}: unknown material `{name}`; using light grey", self.file);
+            let warning = format!("{}: unknown material `{name}`; using light gray", self.file);
             if !self.appearance.warnings.contains(&warning) {
                 self.appearance.warnings.push(warning);
             }
@@ -249,7 +249,7 @@ impl Reader<'_> {
                 true
             }
             Err(error) => {
-                let warning = format!("{}: {error}; using light grey", path.display());
+                let warning = format!("{}: {error}; using light gray", path.display());
                 self.appearance.warnings.push(warning);
                 false
             }
@@ -264,7 +264,7 @@ impl Reader<'_> {
             .diffuse_texture
             .as_deref()
             .map(|name| self.texture(name));
-        // Under a texture, black means that the texture alone gives the colour.
+        // Under a texture, black means that the texture alone gives the color.
         let diffuse = color(material.diffuse, 0.8);
         let diffuse = if texture.is_some() && diffuse == Vec3::ZERO {
             Vec3::ONE
@@ -275,7 +275,7 @@ impl Reader<'_> {
         // Illumination models below 3 have highlights, but no mirror reflection.
         let is_mirror = material.illumination_model.is_some_and(|model| model >= 3);
         let made = Material {
-            // The ambient colour in most files is meaningless.
+            // The ambient color in most files is meaningless.
             ambient: 0.25 * diffuse,
             diffuse,
             specular,

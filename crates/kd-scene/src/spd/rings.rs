@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn corners_are_those_of_an_icosidodecahedron() {
         let all: Vec<DVec3> = pentagons().into_iter().flatten().collect();
-        let mut neighbours = 0;
+        let mut neighbors = 0;
         for (index, corner) in all.iter().enumerate() {
             assert!(
                 (corner.length() * (1.0 + RADIUS) - 1.0).abs() < 1e-12,
@@ -86,11 +86,11 @@ mod tests {
                 assert!(apart > 0.6, "{corner} and {other} are the same corner");
                 // The edges of an icosidodecahedron subtend 36 degrees.
                 let edge = 2.0 * libm::sin(PI / 10.0);
-                neighbours += usize::from((apart - edge).abs() < 1e-6);
+                neighbors += usize::from((apart - edge).abs() < 1e-6);
             }
         }
         assert_eq!(
-            (all.len(), neighbours),
+            (all.len(), neighbors),
             (30, 60),
             "an icosidodecahedron has 60 edges"
         );

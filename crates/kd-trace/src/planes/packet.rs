@@ -91,6 +91,7 @@ fn around(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
 mod tests {
     use glam::Vec3;
     use kd_core::Ray;
+    use kd_oracle::effort;
     use proptest::prelude::*;
 
     use super::super::Frame;
@@ -111,7 +112,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(4000))]
+        #![proptest_config(ProptestConfig::with_cases(effort::cases(1_000, 4_000)))]
 
         /// A miss of the packet is a miss of each of its rays.
         #[test]
@@ -144,7 +145,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #![proptest_config(ProptestConfig::with_cases(effort::cases(5_000, 20_000)))]
 
         /// Boxes at about the distance from a ray up to which it meets them.
         #[test]

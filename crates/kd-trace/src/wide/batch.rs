@@ -21,7 +21,7 @@ const WINDOW: usize = 4096;
 
 /// The largest difference of slopes from the central ray in a tile of neighbors. Neighbors that spread further are sorted first.
 /// (A fortieth of it was as fast, and more.)
-const SPREAD_OF_NEIGHBOURS: f32 = 0.25;
+const SPREAD_OF_NEIGHBORS: f32 = 0.25;
 
 /// A query, as the collector of its answer.
 pub(crate) trait Query: Collect + Default {
@@ -75,7 +75,7 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
         let starts = (0..).step_by(RAYS);
         for ((rays, answers), start) in rays.chunks(RAYS).zip(answers.chunks_mut(RAYS)).zip(starts)
         {
-            if rays.len() >= FEWEST && tiles.gather(rays, SPREAD_OF_NEIGHBOURS) {
+            if rays.len() >= FEWEST && tiles.gather(rays, SPREAD_OF_NEIGHBORS) {
                 Q::trace(&mut tiles, rays, answers);
             } else {
                 others.extend((start..).take(rays.len()));

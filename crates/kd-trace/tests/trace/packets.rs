@@ -77,7 +77,7 @@ fn hard_rays_in_lanes() {
     }
 }
 
-/// Neighbours, some of which cannot hit anything, end early, begin behind the mesh, or go another way.
+/// Neighbors, some of which cannot hit anything, end early, begin behind the mesh, or go another way.
 #[test]
 fn lanes_need_not_be_alike() {
     let mesh = sphere(4);

@@ -1,8 +1,9 @@
-//! Batches of neighbouring rays, which are traced together: every answer is that of brute force, whatever they have in
+//! Batches of neighboring rays, which are traced together: every answer is that of brute force, whatever they have in
 //! common.
 
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
+use kd_oracle::effort;
 use kd_sah::{BuildOptions, build};
 use kd_trace::{Level, RayQuery, WideTree, brute_force};
 
@@ -10,7 +11,7 @@ use crate::check::source;
 use crate::rng::Rng;
 use crate::scenes::{self, moved, soup, sphere};
 
-/// Ways in which rays are neighbours.
+/// Ways in which rays are neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Bundle {
     /// From one point.
@@ -81,7 +82,7 @@ pub(crate) fn levels(mesh: &Mesh) -> [WideTree; 2] {
 }
 
 #[test]
-fn neighbours_answer_as_if_alone() {
+fn neighbors_answer_as_if_alone() {
     let mut rng = Rng(71);
     for (scene, mesh) in scenes::all() {
         let trees = levels(&mesh);
@@ -101,7 +102,7 @@ fn neighbours_answer_as_if_alone() {
 
 /// Rays at corners and edges, from and to surfaces, and ending at what they hit.
 #[test]
-fn neighbours_that_nearly_miss() {
+fn neighbors_that_nearly_miss() {
     let mut rng = Rng(72);
     for (scene, mesh) in scenes::all() {
         if mesh.is_empty() {
@@ -142,12 +143,12 @@ fn neighbours_that_nearly_miss() {
 
 /// Rays that end where they hit something, or just before.
 #[test]
-fn neighbours_that_end_where_they_hit() {
+fn neighbors_that_end_where_they_hit() {
     let mut rng = Rng(75);
     let mesh = sphere(4);
     let trees = levels(&mesh);
     let mut hits = 0;
-    for round in 0..400 {
+    for round in 0..effort::count(150, 400) {
         let kind = BUNDLES[round % BUNDLES.len()];
         // Up to where no group is left together.
         let width = rng.pick(&[1e-3, 0.03, 0.1]);
@@ -167,10 +168,10 @@ fn neighbours_that_end_where_they_hit() {
         }
         hits += check("sphere", &mesh, &trees, &rays);
     }
-    assert!(hits > 5000, "{hits} hits");
+    assert!(hits > effort::count(1500, 5000), "{hits} hits");
 }
 
-/// Rays that go the same way as others that are no neighbours, as behind curved mirrors.
+/// Rays that go the same way as others that are no neighbors, as behind curved mirrors.
 #[test]
 fn rays_that_are_alike_but_apart() {
     let mut rng = Rng(76);
@@ -240,7 +241,7 @@ fn rays_on_all_sides_that_nearly_miss() {
 
 /// Some of a tile that cannot hit anything, go the other way, begin behind themselves or are of another length.
 #[test]
-fn odd_ones_among_neighbours() {
+fn odd_ones_among_neighbors() {
     let mesh = sphere(3);
     let trees = levels(&mesh);
     let mut rng = Rng(73);
@@ -268,7 +269,7 @@ fn odd_ones_among_neighbours() {
 }
 
 #[test]
-fn neighbours_at_any_scale() {
+fn neighbors_at_any_scale() {
     let mut rng = Rng(74);
     for scale in [1e-30_f32, 1e-15, 1e-6, 1e6, 1e15, 1e30] {
         for shift in [0.0, 100.0] {

@@ -9,7 +9,7 @@ use crate::scenes;
 
 /// Both triangles at an edge report the same place.
 #[test]
-fn neighbours_agree_about_their_edge() {
+fn neighbors_agree_about_their_edge() {
     let mesh = scenes::sphere(2);
     let mut hits = Vec::new();
     let (mut shared, mut equal) = (0, 0);

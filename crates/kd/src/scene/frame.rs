@@ -4,13 +4,12 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
-use kd_trace::{RayQuery, WideTree};
+use kd_trace::{RayQuery, WideTree, delegate_ray_query};
 
 use super::PartId;
 use super::merged::MergedTrees;
 use super::part_group::PartGroup;
 use crate::layout::{TreeLayout, TreeLayoutRef};
-use crate::query::delegate_ray_query;
 
 /// All parts of a [`Scene`](crate::Scene) as they were at its last commit. It borrows the scene, and dereferences to
 /// [`FrameData`], which has the queries.
@@ -279,8 +278,15 @@ impl FrameData {
     }
 }
 
-delegate_ray_query!(FrameData, (PartId, Hit), |frame| frame);
-delegate_ray_query!(Frame<'_>, (PartId, Hit), |frame| frame.data);
+delegate_ray_query! {
+    impl RayQuery<Hit = (PartId, Hit)> for FrameData: single, batch, packet;
+    frame => frame,
+}
+
+delegate_ray_query! {
+    impl RayQuery<Hit = (PartId, Hit)> for Frame<'_>: single, batch, packet;
+    frame => frame.data,
+}
 
 /// The ray up to a hit, inclusive.
 #[inline]

@@ -17,7 +17,7 @@ pub enum Strategy {
     /// Rebuilds parts that have changed with a fast builder, and merges them with the static parts.
     Merge(MergeMethod),
     /// Keeps the nodes of parts that have changed, refits their boxes to the triangles, and merges the parts with the static
-    /// ones. The fastest to make; slow to trace once triangles that were neighbours have moved apart.
+    /// ones. The fastest to make; slow to trace once triangles that were neighbors have moved apart.
     Refit,
     /// As [`Refit`](Self::Refit), but does not merge: rays traverse each part whose box they meet, one after the other. Known as
     /// a two-level hierarchy elsewhere.

@@ -8,7 +8,7 @@ use crate::bvh::options::BvhOptions;
 
 /// Below this number of clusters, threads do not pay.
 const PARALLEL_ABOVE: usize = 1 << 12;
-/// If fewer than one in `FEW_PAIRS` clusters find a partner, neighbours along the curve are merged.
+/// If fewer than one in `FEW_PAIRS` clusters find a partner, neighbors along the curve are merged.
 const FEW_PAIRS: usize = 64;
 
 /// A tree of groups. Numbers from 0 on are items; the numbers after them are groups, in order of creation. The last group is
@@ -186,7 +186,7 @@ mod tests {
         assert_eq!(in_pairs(&equal, 16), 1000, "one stays alone");
         // Each cluster is closer to its predecessor than to its successor.
         let growing = at((0..1001).map(|i| (i * i) as f32));
-        assert_eq!(in_pairs(&growing, 16), 1000, "neighbours");
+        assert_eq!(in_pairs(&growing, 16), 1000, "neighbors");
         assert_eq!(in_pairs(&growing, 1001), 2, "a window over all clusters");
         let two_by_two = at((0..1000).map(|i| (i / 2 * 10 + i % 2) as f32));
         assert_eq!(in_pairs(&two_by_two, 16), 1000, "each cluster has its own");

@@ -8,7 +8,7 @@ use crate::bvh::bounds::{Around, Bounds};
 /// Steps of the curve along each axis: three axes of 21 bits fit in 64.
 const STEPS: f32 = (1 << 21) as f32;
 
-/// The items in the order of their centres along the curve of G. M. Morton (1966); centres in one place, in the order of their
+/// The items in the order of their centers along the curve of G. M. Morton (1966); centers in one place, in the order of their
 /// triangles.
 pub(super) fn in_order(items: &[Item], is_parallel: bool) -> Vec<Item> {
     let around = Around::of(items);

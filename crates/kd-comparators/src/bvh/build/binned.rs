@@ -6,7 +6,7 @@ use kd_trace::kit::{Item, ObjectSplit};
 use super::{Divide, Division};
 use crate::bvh::bounds::Around;
 
-/// The object split of wide nodes ([`ObjectSplit`]): bins of centres on all axes, with the area of boxes times their items as
+/// The object split of wide nodes ([`ObjectSplit`]): bins of centers on all axes, with the area of boxes times their items as
 /// cost.
 pub(crate) struct Binned(pub(crate) CostModel);
 

@@ -6,9 +6,9 @@ use kd_trace::kit::Item;
 use super::{Divide, Division};
 use crate::bvh::bounds::{Around, key};
 
-/// Halves items on the axis with the largest extent of centres.
+/// Halves items on the axis with the largest extent of centers.
 ///
-/// This division always exists: centres in one place are ordered by their triangles.
+/// This division always exists: centers in one place are ordered by their triangles.
 pub(crate) struct EqualCounts(pub(crate) CostModel);
 
 impl EqualCounts {

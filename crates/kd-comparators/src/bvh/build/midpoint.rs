@@ -1,4 +1,4 @@
-//! The division in the middle of the centres.
+//! The division in the middle of the centers.
 
 use kd_core::CostModel;
 use kd_trace::kit::Item;
@@ -6,7 +6,7 @@ use kd_trace::kit::Item;
 use super::{Divide, Division};
 use crate::bvh::bounds::{Around, Bounds, partition};
 
-/// Divides items in the middle of the largest extent of centres.
+/// Divides items in the middle of the largest extent of centers.
 pub(crate) struct Midpoint(pub(crate) CostModel);
 
 impl Divide for Midpoint {
@@ -17,7 +17,7 @@ impl Divide for Midpoint {
         let along = axis.index();
         let plane = around.centers.center()[along];
         let middle = partition(items, |item| Bounds::of(item).center()[along] < plane);
-        // No division if all centres are in one place, or so close that the middle is rounded to the lowest centre.
+        // No division if all centers are in one place, or so close that the middle is rounded to the lowest center.
         let is_divided = middle > 0 && middle < items.len();
         is_divided.then(|| Division::at(middle, items, &self.0))
     }

@@ -1,4 +1,4 @@
-//! The SAH division among all positions in the order of centres.
+//! The SAH division among all positions in the order of centers.
 
 use kd_core::{Axis, CostModel};
 use kd_trace::kit::Item;
@@ -6,8 +6,8 @@ use kd_trace::kit::Item;
 use super::{Divide, Division, cost_as_leaf};
 use crate::bvh::bounds::{Around, Bounds, key};
 
-/// `PARTITIONSWEEP` (algorithm 1 of Eleftheriades 2010): sorts items by their centres on each axis, sweeps over them from above
-/// for the cost of each upper side, then from below. Equal centres are ordered by their triangles. Among equal costs the first
+/// `PARTITIONSWEEP` (algorithm 1 of Eleftheriades 2010): sorts items by their centers on each axis, sweeps over them from above
+/// for the cost of each upper side, then from below. Equal centers are ordered by their triangles. Among equal costs the first
 /// axis and the lowest position win.
 pub(crate) struct Sweep(pub(crate) CostModel);
 

@@ -1,9 +1,8 @@
 //! Input on which other builders hang, crash or run out of memory: time and memory are bounded, and trees cover the mesh.
 
-mod common;
-
-use common::soup;
+use crate::common::soup;
 use kd_core::{Aabb, CostModel, Mesh, PrimSource, Tree};
+use kd_oracle::effort;
 use kd_sah::{BuildError, BuildOptions, Method, build};
 
 const METHODS: [Method; 9] = [
@@ -92,6 +91,9 @@ fn copies(triangle: [[f32; 3]; 3], count: usize) -> Mesh {
     Mesh::new(triangle.into(), vec![[0, 1, 2]; count]).expect("valid")
 }
 
+/// Ten million, or two in the short form.
+const MILLIONS: usize = effort::count(2_000_000, 10_000_000);
+
 /// Checks that copies of a triangle give one leaf: no plane separates two of them.
 #[track_caller]
 fn check_one_leaf(triangle: [[f32; 3]; 3], count: usize, is_meant: impl Fn(&BuildOptions) -> bool) {
@@ -113,8 +115,8 @@ fn a_million_identical_triangles_are_one_leaf() {
 }
 
 #[test]
-fn ten_million_identical_triangles_are_one_leaf() {
-    check_one_leaf(TILTED, 10_000_000, |options| {
+fn millions_of_identical_triangles_are_one_leaf() {
+    check_one_leaf(TILTED, MILLIONS, |options| {
         !(is_sorting(options) || is_quadratic(options) || is_median(options))
     });
 }
@@ -126,13 +128,13 @@ fn ten_thousand_identical_triangles_are_one_leaf_for_quadratic_builders() {
 
 /// The median builder divides identical triangles until it reaches the limit of references.
 #[test]
-fn ten_million_identical_triangles_stay_within_the_limit_of_references() {
-    let mesh = copies(TILTED, 10_000_000);
+fn millions_of_identical_triangles_stay_within_the_limit_of_references() {
+    let mesh = copies(TILTED, MILLIONS);
     let median = BuildOptions::best()
         .with_method(Method::Median)
-        .with_max_refs(25_000_000);
+        .with_max_refs(5 * MILLIONS as u64 / 2);
     let stats = build(&mesh, &median).expect("a tree").stats();
-    let allowed = 10_000_001..=25_000_000;
+    let allowed = MILLIONS + 1..=5 * MILLIONS / 2;
     assert!(allowed.contains(&stats.references), "{stats}");
     assert!(stats.limited_cells > 0, "limited cells: {stats}");
 }
@@ -264,8 +266,9 @@ impl PrimSource for Lattice {
 /// Sixteen million primitives, divided once: every pass over all primitives runs, binned and exact, and no counter
 /// overflows. Lower levels are covered by smaller meshes. (Only the presets run, since each build takes seconds.)
 #[test]
-fn sixteen_million_primitives_can_be_divided() {
-    let source = Lattice { count: 1 << 24 };
+fn millions_of_primitives_can_be_divided() {
+    const COUNT: u32 = effort::cases(1 << 20, 1 << 24);
+    let source = Lattice { count: COUNT };
     for options in [
         BuildOptions::fast(),
         BuildOptions::balanced(),
@@ -275,7 +278,7 @@ fn sixteen_million_primitives_can_be_divided() {
         let stats = build(&source, &options).expect("a tree").stats();
         assert_eq!((stats.leaves, stats.depth), (2, 1), "{options:?}: {stats}");
         // Boxes are smaller than their distance, so at most one layer of boxes straddles the plane.
-        let references = 1 << 24..=(1 << 24) + (1 << 16);
+        let references = COUNT as usize..=COUNT as usize + (1 << 16);
         assert!(
             references.contains(&stats.references),
             "{options:?}: {stats}"

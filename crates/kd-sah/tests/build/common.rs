@@ -1,5 +1,4 @@
 //! Random meshes of degenerate and coplanar triangles, which are hard for builders.
-#![allow(dead_code, reason = "no test file uses all functions")]
 
 use kd_core::Mesh;
 use proptest::prelude::*;
