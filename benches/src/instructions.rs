@@ -1,7 +1,7 @@
 //! Instructions per ray: equal in every run of the same program, independent of the load of the machine.
 //!
-//! valgrind runs this program for each kind of ray and each way to trace it, over one generated scene, and counts the
-//! instructions inside one function.
+//! valgrind runs this program for each scene, each kind of ray and each way to trace it, and counts the instructions inside one
+//! function.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -11,22 +11,20 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use clap::{Args, ValueEnum as _};
 use kd::{BuildOptions, KdTree};
-use serde_json::json;
+use serde::{Deserialize, Serialize};
 
 use crate::arguments::name_of;
 use crate::check::Answers;
 use crate::environment::Environment;
-use crate::names::{BuilderName, LayoutName, Variant};
+use crate::names::LayoutName;
 use crate::rays::RayKind;
-use crate::record::Record;
 use crate::run_folder;
-use crate::scenes;
-use crate::session::{Session, rays_name};
+use crate::scenes::{self, SceneSource};
 use crate::structure::{Manner, Structure as _};
 use crate::text;
 use crate::workload::{self, Amount, Workload};
 
-/// The traced scene: rooms and clutter, small and large triangles.
+/// The scene without `--scene`: rooms and clutter, small and large triangles.
 const SCENE: &str = "gears";
 
 /// A layout, and the way to trace rays.
@@ -51,6 +49,18 @@ const AMOUNT: Amount = Amount {
 /// What to count.
 #[derive(Args, Debug)]
 pub(crate) struct InstructionsArgs {
+    /// Count in these scenes, in their smallest form; `gears` by default
+    #[arg(long, value_name = "NAME", value_delimiter = ',', default_value = SCENE)]
+    scene: Vec<String>,
+
+    /// A folder of mesh files that `--scene` may name
+    #[arg(long, value_name = "DIR", env = "KD_SCENES")]
+    scenes: Option<PathBuf>,
+
+    /// Also print the ratio of each count over that of an earlier run, which `--json` wrote to this file
+    #[arg(long, value_name = "FILE")]
+    over: Option<PathBuf>,
+
     /// Also write the counts to this file, as JSON lines
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -70,56 +80,113 @@ pub(crate) struct InstructionsArgs {
 
 /// Counts and prints, or traces the rays that are counted.
 pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
+    let folder = arguments.scenes.as_deref();
+    let sources = scenes::choose_from(folder, &arguments.scene, true)?;
     if let (Some(kind), Some(layout)) = (arguments.inside, arguments.layout) {
-        let (tree, workload) = prepare(kind, layout)?;
+        let source = sources.first().context("a scene was requested")?;
+        let (tree, workload) = prepare(source, kind, layout)?;
         let mut answers = Answers::none(kind, workload.rays.len());
         rays_that_are_counted(&tree, arguments.by, &workload, &mut answers);
         black_box(answers);
         return Ok(true);
     }
+    let earlier = match &arguments.over {
+        Some(path) => Count::read(path)?,
+        None => Vec::new(),
+    };
     let environment = Environment::detect();
-    let mut session = Session::new(&environment, SCENE, 0, 1);
     let kinds = RayKind::value_variants();
-    let head = ["instructions per ray".to_owned()].into_iter();
-    let mut table = text::empty_table(head.chain(kinds.iter().map(name_of)));
-    let mut lines = String::new();
-    for (layout, by) in WAYS {
-        let mut row = vec![format!("{}, {}", layout.name(), name_of(&by))];
-        for kind in kinds {
-            let (_, workload) = prepare(*kind, layout)?;
-            let subject = Variant::kd(BuilderName::Balanced, layout).to_string();
-            let mut cell = session.blank(&subject, &rays_name(*kind, by), 1, "");
-            let instructions = count(*kind, (layout, by))?;
-            let per_ray = instructions as f64 / workload.rays.len() as f64;
-            cell.exact.rays = workload.rays.len();
-            cell.exact.instructions = Some(instructions);
-            row.push(format!("{per_ray:.1}"));
-            lines += &line(session.add(cell), name_of(kind), name_of(&by), per_ray)?;
+    let mut counts = Vec::new();
+    for source in &sources {
+        let head = [format!("{}: instructions per ray", source.name)];
+        let mut table = text::empty_table(head.into_iter().chain(kinds.iter().map(name_of)));
+        for way in WAYS {
+            let of_kind = |kind: &RayKind| {
+                let instructions_per_ray = count(source, folder, *kind, way)?;
+                Ok(Count::new(
+                    &environment,
+                    source,
+                    *kind,
+                    way,
+                    instructions_per_ray,
+                ))
+            };
+            let row: Vec<Count> = kinds.iter().map(of_kind).collect::<anyhow::Result<_>>()?;
+            let name = format!("{}, {}", way.0.name(), name_of(&way.1));
+            table.add_row(
+                [name]
+                    .into_iter()
+                    .chain(row.iter().map(|count| count.text(&earlier))),
+            );
+            counts.extend(row);
         }
-        table.add_row(row);
+        text::align_right(&mut table, 1);
+        println!("{table}");
     }
-    text::align_right(&mut table, 1);
-    println!("{table}");
-    run_folder::write_all([arguments.json.clone()], lines)?;
+    let lines: Vec<String> = counts
+        .iter()
+        .map(serde_json::to_string)
+        .collect::<Result<_, _>>()?;
+    run_folder::write_all([arguments.json.clone()], lines.join("\n") + "\n")?;
     Ok(true)
 }
 
-fn line(cell: &Record, rays: String, by: String, per_ray: f64) -> anyhow::Result<String> {
-    let line = json!({
-        "scene": cell.scene,
-        "layout": cell.layout,
-        "by": by,
-        "rays": rays,
-        "instructions_per_ray": per_ray,
-        "rev": cell.rev,
-        "rustc": cell.rustc,
-    });
-    Ok(serde_json::to_string(&line)? + "\n")
+/// One line of the file that `--json` names.
+#[derive(Debug, Deserialize, Serialize)]
+struct Count {
+    scene: String,
+    layout: String,
+    by: String,
+    rays: String,
+    instructions_per_ray: f64,
+    rev: String,
+    rustc: String,
 }
 
-fn prepare(kind: RayKind, layout: LayoutName) -> anyhow::Result<(KdTree, Workload)> {
-    let sources = scenes::choose_from(None, &[SCENE.to_owned()], true)?;
-    let scene = sources.first().context("the scene exists")?.load()?;
+impl Count {
+    fn new(
+        environment: &Environment,
+        source: &SceneSource,
+        kind: RayKind,
+        (layout, by): Way,
+        instructions_per_ray: f64,
+    ) -> Self {
+        Self {
+            scene: source.family().to_owned(),
+            layout: layout.name().to_owned(),
+            by: name_of(&by),
+            rays: name_of(&kind),
+            instructions_per_ray,
+            rev: environment.rev.clone(),
+            rustc: environment.rustc.clone(),
+        }
+    }
+
+    fn read(file: &Path) -> anyhow::Result<Vec<Self>> {
+        let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
+        let counts = text.lines().map(serde_json::from_str);
+        let counts: Result<_, _> = counts.collect();
+        counts.with_context(|| file.display().to_string())
+    }
+
+    /// The cell of the table, with the ratio over an earlier count of the same rays.
+    fn text(&self, earlier: &[Self]) -> String {
+        let names =
+            |count: &Self| [&count.scene, &count.layout, &count.by, &count.rays].map(String::clone);
+        let now = self.instructions_per_ray;
+        match earlier.iter().find(|count| names(count) == names(self)) {
+            Some(before) => format!("{now:.1} ({:.3})", now / before.instructions_per_ray),
+            None => format!("{now:.1}"),
+        }
+    }
+}
+
+fn prepare(
+    source: &SceneSource,
+    kind: RayKind,
+    layout: LayoutName,
+) -> anyhow::Result<(KdTree, Workload)> {
+    let scene = source.load()?;
     let options = BuildOptions::balanced()
         .with_threads(1)
         .with_layout(layout.layout());
@@ -138,20 +205,42 @@ fn rays_that_are_counted(tree: &KdTree, by: Manner, workload: &Workload, answers
     }
 }
 
-/// The instructions of all rays.
-fn count(kind: RayKind, (layout, by): Way) -> anyhow::Result<u64> {
+/// Instructions per ray.
+fn count(
+    source: &SceneSource,
+    folder: Option<&Path>,
+    kind: RayKind,
+    (layout, by): Way,
+) -> anyhow::Result<f64> {
+    let (_, workload) = prepare(source, kind, layout)?;
     let out = std::env::temp_dir().join(format!("kd-instructions-{}", std::process::id()));
-    let status = Command::new("valgrind")
-        .args(["--tool=callgrind", "--quiet", "--toggle-collect=*rays_that_are_counted*"])
+    let mut command = Command::new("valgrind");
+    command
+        .args([
+            "--tool=callgrind",
+            "--quiet",
+            "--toggle-collect=*rays_that_are_counted*",
+        ])
         .arg(format!("--callgrind-out-file={}", out.display()))
         .arg(std::env::current_exe()?)
-        .args(["instructions", "--inside", &name_of(&kind), "--layout", layout.name(), "--by", &name_of(&by)])
-        .status()
-        .context("valgrind counts instructions; on Debian and Ubuntu, `apt-get install valgrind` installs it")?;
+        .args([
+            "instructions",
+            "--scene",
+            &source.name,
+            "--inside",
+            &name_of(&kind),
+        ])
+        .args(["--layout", layout.name(), "--by", &name_of(&by)]);
+    if let Some(folder) = folder {
+        command.arg("--scenes").arg(folder);
+    }
+    let status = command.status().context(
+        "valgrind counts instructions; on Debian and Ubuntu, `apt-get install valgrind` installs it",
+    )?;
     anyhow::ensure!(status.success(), "valgrind: {status}");
     let counted = total(&out);
     std::fs::remove_file(&out).ok();
-    counted
+    Ok(counted? as f64 / workload.rays.len() as f64)
 }
 
 /// The sum at the end of callgrind's file.

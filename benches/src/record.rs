@@ -73,9 +73,6 @@ pub(crate) struct Exact {
     /// Steps of all rays together, where the query counts them (closest hits only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) steps: Option<Steps>,
-    /// Instructions of all rays together, where valgrind counted them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) instructions: Option<u64>,
 }
 
 impl Exact {

@@ -279,6 +279,7 @@ impl Sweep {
             self.problems.push(format!("{name} {variant}: {flaw}"));
         }
         let shape = structure.shape();
+        let measured = session.cells.len();
         for kind in &self.plan.kinds {
             self.say(&format!("{name}: {variant}, {}", name_of(kind)));
             let steps = steps_of(&*structure, session.workload(*kind));
@@ -308,6 +309,8 @@ impl Sweep {
             };
             self.progress.inc(1);
         }
+        let line = line_of(&session.cells[measured..]);
+        self.progress.suspend(|| eprintln!("{line}"));
         Ok(())
     }
 
@@ -341,6 +344,23 @@ impl Sweep {
         }
         Ok(text::report_problems(&self.problems))
     }
+}
+
+/// The times of one variant in a scene, before the tables of all of them.
+fn line_of(cells: &[Record]) -> String {
+    let Some(first) = cells.first() else {
+        return String::new();
+    };
+    let times = cells
+        .iter()
+        .map(|cell| format!("{} {:.0}", cell.rays, cell.ns_per_ray()));
+    format!(
+        "{} {}: built in {:.1} ms; ns per ray: {}",
+        first.scene,
+        first.variant(),
+        first.build_ms(),
+        times.collect::<Vec<_>>().join(", ")
+    )
 }
 
 /// The steps of all rays, for closest hits where the structure counts them.

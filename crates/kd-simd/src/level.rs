@@ -53,7 +53,8 @@ impl Level {
         T: Task<Portable, Output = O> + Task<Avx2, Output = O>,
     {
         match self.0 {
-            Instructions::Portable => Portable.run(task),
+            // A call, so that the portable body does not fill the caller's stack and registers.
+            Instructions::Portable => Portable.apart(task),
             Instructions::Avx2(avx2) => avx2.run(task),
         }
     }

@@ -48,6 +48,7 @@
 
 #[cfg(target_arch = "x86_64")]
 pub mod avx2;
+mod each;
 mod float;
 mod lanes;
 mod level;
@@ -57,6 +58,7 @@ mod triple;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
+pub use each::each;
 pub use float::{max, min};
 pub use lanes::{F32x8, F64x8, LANES, Mask, Number, Real, Simd, Task, U32x8, max_lane, min_lane};
 pub use level::Level;

@@ -3,7 +3,7 @@
 use std::array::from_fn;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
-use crate::{F32x8, F64x8, LANES, Mask, Number, Real, Simd, Task, Three, U32x8};
+use crate::{F32x8, F64x8, LANES, Mask, Number, Real, Simd, Task, Three, U32x8, each};
 
 /// The portable level: eight values in an array, for every processor.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +46,7 @@ impl Simd for Portable {
 
     #[inline(always)]
     fn transpose(self, rows: [&[f32; LANES]; LANES]) -> [Self::F32; LANES] {
-        from_fn(|column| Array(rows.map(|row| row[column])))
+        from_fn(|column| Array(each(rows, |row| row[column])))
     }
 
     #[inline(always)]
@@ -56,7 +56,7 @@ impl Simd for Portable {
 
     #[inline(always)]
     fn widen(self, from: &[f32; LANES]) -> Self::F64 {
-        Array(from.map(f64::from))
+        Array(each(*from, f64::from))
     }
 
     #[inline(always)]
@@ -72,7 +72,7 @@ impl Simd for Portable {
     #[inline(always)]
     fn to_f32(self, numbers: Self::U32) -> Self::F32 {
         // Signed, which is one instruction.
-        Array(numbers.0.map(|x| x.cast_signed() as f32))
+        Array(each(numbers.0, |x| x.cast_signed() as f32))
     }
 }
 
@@ -103,7 +103,7 @@ impl Not for Array<bool> {
 
     #[inline(always)]
     fn not(self) -> Self {
-        Self(self.0.map(|is_set| !is_set))
+        Self(each(self.0, |is_set| !is_set))
     }
 }
 
@@ -122,7 +122,7 @@ macro_rules! numbers {
 
             #[inline(always)]
             fn abs(self) -> Self {
-                Self(self.0.map(<$number>::abs))
+                Self(each(self.0, <$number>::abs))
             }
 
             #[inline(always)]
@@ -196,7 +196,7 @@ impl F32x8 for Array<f32> {
 
     #[inline(always)]
     fn low_bytes(self) -> [u8; LANES] {
-        self.0.map(|x| x.to_bits().to_le_bytes()[0])
+        each(self.0, |x| x.to_bits().to_le_bytes()[0])
     }
 }
 
@@ -215,22 +215,22 @@ impl U32x8 for Array<u32> {
 
     #[inline(always)]
     fn plus(self, number: u32) -> Self {
-        Self(self.0.map(|x| x.wrapping_add(number)))
+        Self(each(self.0, |x| x.wrapping_add(number)))
     }
 
     #[inline(always)]
     fn times(self, factor: u32) -> Self {
-        Self(self.0.map(|x| x.wrapping_mul(factor)))
+        Self(each(self.0, |x| x.wrapping_mul(factor)))
     }
 
     #[inline(always)]
     fn high_halves(self) -> Self {
-        Self(self.0.map(|x| x >> 16))
+        Self(each(self.0, |x| x >> 16))
     }
 
     #[inline(always)]
     fn is_zero(self) -> Self::Mask {
-        Array(self.0.map(|x| x == 0))
+        Array(each(self.0, |x| x == 0))
     }
 
     #[inline(always)]
@@ -242,30 +242,29 @@ impl U32x8 for Array<u32> {
 impl Real for Array<f64> {
     #[inline(always)]
     fn scaled(self, factor: f64) -> Self {
-        Self(self.0.map(|x| factor * x))
+        Self(each(self.0, |x| factor * x))
     }
 
     #[inline(always)]
     fn is_at_least_zero(self) -> Self::Mask {
-        Array(self.0.map(|x| x >= 0.0))
+        Array(each(self.0, |x| x >= 0.0))
     }
 
     #[inline(always)]
     fn is_at_most_zero(self) -> Self::Mask {
-        Array(self.0.map(|x| x <= 0.0))
+        Array(each(self.0, |x| x <= 0.0))
     }
 
     #[inline(always)]
     fn is_not_zero(self) -> Self::Mask {
-        Array(self.0.map(|x| x != 0.0))
+        Array(each(self.0, |x| x != 0.0))
     }
 
     #[inline(always)]
     fn add_and_mask_bits(self, add: u64, mask: u64) -> Self {
-        Self(
-            self.0
-                .map(|x| f64::from_bits(x.to_bits().wrapping_add(add) & mask)),
-        )
+        Self(each(self.0, |x| {
+            f64::from_bits(x.to_bits().wrapping_add(add) & mask)
+        }))
     }
 }
 
@@ -276,6 +275,6 @@ impl F64x8 for Array<f64> {
         reason = "rounding is what is asked for"
     )]
     fn narrow(self) -> [f32; LANES] {
-        self.0.map(|x| x as f32)
+        each(self.0, |x| x as f32)
     }
 }

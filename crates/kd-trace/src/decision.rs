@@ -7,7 +7,7 @@
 //! the antisymmetry of edge functions. (Rust never does so by itself.)
 
 use kd_core::Hit;
-use kd_simd::{Number, Real, Triple};
+use kd_simd::{Number, Real, Triple, each};
 
 /// See [`Sight::finer_weights`].
 const LEAST_SHARE: f64 = 1.0 / (1 << 24) as f64;
@@ -63,7 +63,7 @@ impl View<f64> {
             return None;
         }
         // Adding zero turns -0.0 into 0.0.
-        let [t, u, v] = sight.point(weights).map(|x| x as f32 + 0.0);
+        let [t, u, v] = each(sight.point(weights), |x| x as f32 + 0.0);
         let hit = Hit { t, u, v, triangle };
         // As `is_within`.
         (t.is_finite() && t_min <= t && t <= t_max).then_some(hit)

@@ -51,7 +51,7 @@ mod packet;
 
 use glam::Vec3;
 use kd_core::{Aabb, Ray};
-use kd_simd::{max, min};
+use kd_simd::{each, max, min};
 pub use kd_wide::Frame;
 pub(crate) use kd_wide::PER_REACH;
 
@@ -214,7 +214,7 @@ impl RayPlanes {
         for (axis, planes) in self.axes.iter().take(3).enumerate() {
             // Neither is NaN: a finite factor that is not zero, and a difference of finite numbers.
             let faces = [bounds.min[axis], bounds.max[axis]];
-            let [a, b] = faces.map(|face| (face - planes.origin) * planes.inverse);
+            let [a, b] = each(faces, |face| (face - planes.origin) * planes.inverse);
             span.enter = max(min(a, b) - planes.pad, span.enter);
             span.exit = min(max(a, b) + planes.pad, span.exit);
         }

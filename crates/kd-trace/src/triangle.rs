@@ -20,7 +20,7 @@ use std::ops::ControlFlow;
 
 use glam::Vec3;
 use kd_core::{Axis, Hit, Mesh, Ray};
-use kd_simd::{LANES, Three, Triple as _, max, min};
+use kd_simd::{LANES, Three, Triple as _, each, max, min};
 use kd_wide::LaneCorners;
 
 use crate::collect::Collect;
@@ -164,9 +164,11 @@ impl TriangleTest {
     #[inline]
     pub fn certainly_misses(&self, corners: [Vec3; 3]) -> bool {
         let axes = self.axes();
-        self.filter.rejects(corners.map(|corner| {
+        self.filter.rejects(each(corners, |corner| {
             let corner = corner.to_array();
-            axes.map(|axis| corner[axis.index()] - self.origin[axis.index()])
+            each(axes, |axis| {
+                corner[axis.index()] - self.origin[axis.index()]
+            })
         }))
     }
 
@@ -177,13 +179,12 @@ impl TriangleTest {
     #[inline(always)]
     pub(crate) fn may_hit(&self, corners: &LaneCorners, triangles: usize) -> Lanes {
         let axes = self.axes();
-        let rows = corners
-            .each_ref()
-            .map(|c| axes.map(|axis| &c[axis.index()]));
-        let origin = axes.map(|axis| self.origin[axis.index()]);
+        let [a, b, c] = corners;
+        let rows = each([a, b, c], |rows| each(axes, |axis| &rows[axis.index()]));
+        let origin = each(axes, |axis| self.origin[axis.index()]);
         let mut is_left = [0_u8; LANES];
         for (lane, is_left) in is_left.iter_mut().enumerate() {
-            let corners = rows.map(|[x, y, z]| {
+            let corners = each(rows, |[x, y, z]| {
                 [
                     x[lane] - origin[0],
                     y[lane] - origin[1],
@@ -205,8 +206,8 @@ impl TriangleTest {
     /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
-        let [a, b, c] = corners.map(|corner| corner.to_array());
-        let from_origin = self.axes().map(|axis| {
+        let [a, b, c] = each(corners, |corner| corner.to_array());
+        let from_origin = each(self.axes(), |axis| {
             let axis = axis.index();
             let corners = Three([a[axis].into(), b[axis].into(), c[axis].into()]);
             corners.minus(f64::from(self.origin[axis]))
@@ -242,7 +243,9 @@ impl Filter {
     /// Without branches, so that the compiler can vectorise it.
     #[inline(always)]
     fn rejects(&self, corners: [[f32; 3]; 3]) -> bool {
-        let [a, b, c] = corners.map(|[x, y, z]| [x - self.shear_x * z, y - self.shear_y * z]);
+        let [a, b, c] = each(corners, |[x, y, z]| {
+            [x - self.shear_x * z, y - self.shear_y * z]
+        });
         let edge = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
         let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
         let size = |p: [f32; 2]| max(p[0].abs(), p[1].abs());

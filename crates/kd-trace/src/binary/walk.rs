@@ -6,6 +6,7 @@
 
 use std::ops::ControlFlow;
 
+use arrayvec::ArrayVec;
 use kd_core::{Aabb, MAX_DEPTH, Node, NodeIndex, Ray};
 use kd_simd::{max, min};
 
@@ -15,7 +16,7 @@ use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 
 /// A node to visit later. Indices have 30 bits, so u32 keeps it at 12 bytes.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Pending {
     place: u32,
     span: Span,
@@ -95,9 +96,8 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
     };
     let nodes = tree.nodes();
     // A valid tree has at most MAX_DEPTH interior nodes on a path. (Tried, 2026-11-24: without bounds checks in this loop no
-    // difference; a `SmallVec`, 2 to 20 % slower. Not clearing the stack would gain 2 %, and is not worth `unsafe`.)
-    let mut stack = [Pending::default(); MAX_DEPTH];
-    let mut pending = 0;
+    // difference; a `SmallVec`, 2 to 20 % slower; an array that is cleared, 4 % more instructions.)
+    let mut stack = ArrayVec::<Pending, MAX_DEPTH>::new();
     let mut node = nodes[tree.root().index()];
     loop {
         while !node.is_leaf() {
@@ -110,14 +110,13 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
             } else if span.enter > crossing.last {
                 near ^ 1
             } else {
-                stack[pending] = Pending {
+                stack.push(Pending {
                     place: near ^ 1,
                     span: Span {
                         enter: max(crossing.first, span.enter),
                         exit: span.exit,
                     },
-                };
-                pending += 1;
+                });
                 span.exit = min(crossing.last, span.exit);
                 near
             };
@@ -130,11 +129,9 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
         }
         let limit = planes.steps(collector.limit());
         loop {
-            if pending == 0 {
+            let Some(next) = stack.pop() else {
                 return;
-            }
-            pending -= 1;
-            let next = stack[pending];
+            };
             // A lower triangle may be hit at the limit itself.
             if next.span.enter <= limit {
                 span = Span {

@@ -10,7 +10,7 @@
 //! with a relative error of 2⁻²⁴ each.
 
 use kd_core::Aabb;
-use kd_simd::{max, min};
+use kd_simd::{each, max, min};
 
 use super::{RayPlanes, Span};
 
@@ -75,7 +75,7 @@ impl PacketPlanes {
             } else {
                 (lower, upper)
             };
-            let [near, far] = [near, far].map(|distance| axis.inverse.map(|i| distance * i));
+            let [near, far] = each([near, far], |distance| each(axis.inverse, |i| distance * i));
             span.enter = max(min(near[0], near[1]), span.enter);
             span.exit = min(max(far[0], far[1]), span.exit);
         }

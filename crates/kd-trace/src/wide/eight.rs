@@ -1,7 +1,7 @@
 //! Eight rays and a triangle for each: the [decision](crate::decision) in lanes.
 
 use kd_core::Hit;
-use kd_simd::{F64x8, LANES, Mask, Simd, Three, Triple};
+use kd_simd::{F64x8, LANES, Mask, Simd, Three, Triple, each};
 use kd_wide::Block;
 
 use crate::decision::{View, are_inside, is_within};
@@ -68,7 +68,7 @@ pub(super) struct Rays<'a> {
 /// Rounded to f32, without negative zeros.
 #[inline(always)]
 fn reported<N: F64x8>(x: N) -> [f32; LANES] {
-    x.narrow().map(|x| x + 0.0)
+    each(x.narrow(), |x| x + 0.0)
 }
 
 /// Triangles for eight rays.

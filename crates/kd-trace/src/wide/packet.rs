@@ -15,7 +15,7 @@ mod slabs;
 mod triangles;
 
 use kd_core::{Hit, RayPacket8};
-use kd_simd::{F32x8, LANES, Mask, Number, Simd, max_lane, min};
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, each, max_lane, min};
 use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::limits::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
@@ -147,7 +147,7 @@ fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as N
         & z.le(most)
         & simd.splat(LEAST_DIRECTION).le(largest)
         & simd.load(&packet.t_min).le(simd.load(&packet.t_max));
-    let sees = packet.mask.map(|mask| if mask == 0 { 0.0 } else { 1.0 });
+    let sees = each(packet.mask, |mask| if mask == 0 { 0.0 } else { 1.0 });
     is_near & is_usual & simd.splat(1.0).le(simd.load(&sees))
 }
 

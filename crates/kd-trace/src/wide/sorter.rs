@@ -4,7 +4,7 @@
 //! on a side, in this order, have similar directions.
 
 use kd_core::Ray;
-use kd_simd::LANES;
+use kd_simd::{LANES, each};
 
 /// Cells along the edge of a side, as a power of two.
 const BITS: u32 = 4;
@@ -33,7 +33,7 @@ impl Cell {
         // 2²³ plus a smaller number has that number, rounded, in its last bits.
         const LAST_BITS: f32 = 8_388_608.0;
         let place = |x: f32| (x * scale + middle + LAST_BITS).to_bits() as u16 % (1 << BITS);
-        let [x, y] = [turned[along + 1], turned[along + 2]].map(|x| spread(place(x)));
+        let [x, y] = each([turned[along + 1], turned[along + 2]], |x| spread(place(x)));
         Self((side << (2 * BITS)) | x | (y << 1))
     }
 

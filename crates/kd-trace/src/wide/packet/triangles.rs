@@ -4,7 +4,7 @@
 //! [decided](crate::wide::eight).
 
 use kd_core::RayPacket8;
-use kd_simd::{F32x8, Mask, Number, Simd, max_lane};
+use kd_simd::{F32x8, Mask, Number, Simd, each, max_lane};
 use kd_wide::Block;
 
 use super::beam::Beam;
@@ -35,8 +35,8 @@ impl<'a, F: F32x8> Triangles<'a, F> {
     ) -> Self {
         let rays = Rays {
             axes,
-            origin: axes.map(|axis| &packet.origin[axis]),
-            direction: axes.map(|axis| &packet.direction[axis]),
+            origin: each(axes, |axis| &packet.origin[axis]),
+            direction: each(axes, |axis| &packet.direction[axis]),
             t_min: &packet.t_min,
             t_max: &packet.t_max,
         };

@@ -4,7 +4,7 @@
 //! which puts the same ray of every group into one vector: the minimum of all vectors is the minimum of each group.
 
 use kd_core::{Axis, Ray};
-use kd_simd::{F32x8, LANES, Mask, Number, Simd, Task, max_lane, min_lane};
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, Task, each, max_lane, min_lane};
 
 use super::frustum::Apex;
 use super::leaf::View;
@@ -69,7 +69,7 @@ impl Tile {
         debug_assert!(!rays.is_empty() && rays.len() <= RAYS, "a tile");
         let first = &rays[0];
         let along = steepest_axis(first.direction);
-        let axes = [along.next(), along.next().next(), along].map(Axis::index);
+        let axes = each([along.next(), along.next().next(), along], Axis::index);
         let sign = if first.direction[axes[2]] < 0.0 {
             -1.0
         } else {
@@ -83,12 +83,12 @@ impl Tile {
             extremes(simd, &self.terms[1]),
         ];
         let of_all = [slopes[0].of_all(), slopes[1].of_all()];
-        let center = of_all.map(|[lo, hi]| 0.5 * (lo + hi));
+        let center = each(of_all, |[lo, hi]| 0.5 * (lo + hi));
         let spread = (of_all[0][1] - center[0]).max(of_all[1][1] - center[1]) * MORE;
         if spread > most_spread {
             return false;
         }
-        let mut at = axes.map(|axis| first.origin[axis]);
+        let mut at = each(axes, |axis| first.origin[axis]);
         let mut apart = 0.0;
         if is_apex {
             self.from = PerRay::default();
