@@ -34,17 +34,18 @@
 //!
 //! # What the margin of T/2 covers
 //!
-//! - Arithmetic in f64: the corners from `o`, shear and `t` err by 2⁻⁴⁸ D, where D is the distance of the corners from `o`. Edges are
-//!   orthogonal to `n`, so on the axis `m` of the largest extent `|n_m|` is at most the sum of the other two, which is then at
-//!   least ½. With `c = m`, `T ≥ 2⁻²⁸ max E`: the margin is enough for D up to 2¹⁸ max E.
-//! - The normal, which errs by 2⁻³⁰ for a triangle whose height is 2⁻²⁰ of its longest edge, and by less for others. That adds
-//!   2⁻⁵³ of the coordinates to `R`. On an axis where the extent is not 0, it is at least 2⁻²⁴ of the coordinates; on
-//!   an axis where it is 0, the normal is exact.
-//! - Larger triangles in or behind the plane. For them `n · P ≤ -h`, and the rest of the proof holds with their extents, so that they
-//!   are not hit either up to 1.5 times the extents. Of a convex mesh, that is every triangle.
+//! - Larger triangles in or behind the plane. For them `n · P ≤ -h`, and the rest of the proof holds with their extents. So
+//!   triangles of 1.4 times the extents are not hit either. In a convex mesh, every triangle is in or behind the plane. T/10
+//!   remains. Edges are orthogonal to `n`, so on the axis `m` of the largest extent `|n_m|` is at most the sum of the other two, which
+//!   is then at least ½. With `c = m`, `T ≥ 2⁻²⁸ max E`, and T/10 is above 2⁻³²·⁵ max E + 2⁻³³ max E.
+//! - The normal errs by at most 2⁻³⁴ if the height of the triangle is at least 2⁻¹⁶ of its longest edge. That adds at most
+//!   2⁻⁵⁷ of each coordinate to `R`. An extent that is not 0 is at least 2⁻²⁴ of the coordinates on its axis, so this is up to
+//!   2⁻³²·⁵ max E in all. Where an extent is 0, the normal is exact.
+//! - Arithmetic in f64: the corners from `o`, shear and `t` err by 2⁻⁴⁸ D, where D is the distance of the corners from `o`. That is
+//!   2⁻³³ max E for D up to 2¹⁵ max E.
 //!
-//! A `t` below 0 could still be rounded to 0. Its magnitude is at least 2⁻³² max E / |d|, far above the smallest f32 unless
-//! the direction is 2¹⁰⁰ times as long as the triangle.
+//! A `t` below 0 could still be rounded to 0. For the triangle of the hit its magnitude is at least 2⁻³² max E / |d|, far above the
+//! smallest f32 unless the direction is 2¹⁰⁰ times as long as the triangle.
 
 use glam::{DVec3, Vec3};
 
@@ -72,12 +73,12 @@ impl Mesh {
     ///
     /// A ray from there to that side, for `t` from 0, does not hit the triangle again, at any scale and any distance
     /// of the ray that found the hit. Neither does it hit triangles that are in the plane of this one or behind it, and extend at most
-    /// 1.5 times as far along each axis: of a closed convex mesh of such triangles it hits none.
+    /// 1.4 times as far along each axis, up to a distance of 2¹⁵ extents: of a closed convex mesh of such triangles it hits none.
     ///
     /// The origin is above the surface by at most 2⁻²⁴ of the triangle's largest extent plus 2⁻²² of its largest coordinate. A
     /// quarter of that fails at some points of every kind of mesh that was tried. The source has the proof.
     ///
-    /// Not proven for triangles whose height is below 2⁻²⁰ of their longest edge. A triangle of zero area has no plane, and the step is
+    /// Not proven for triangles whose height is below 2⁻¹⁶ of their longest edge. A triangle of zero area has no plane, and the step is
     /// along `side`.
     ///
     /// ```

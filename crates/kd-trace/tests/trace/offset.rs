@@ -190,7 +190,7 @@ fn no_point_of_a_box_far_from_the_origin_shadows_itself() {
 fn largest_failing_step(rng: &mut Rng, triangle: impl Fn(&mut Rng) -> [Vec3; 3]) -> f64 {
     // Smaller parts are not searched.
     let mut largest = 1.0_f64 / 64.0;
-    for _ in 0..effort::count(2_000, 20_000) {
+    for _ in 0..effort::count(2_000, 8_000) {
         let corners = triangle(rng);
         let Some(plane) = Plane::new(corners, rng.direction()) else {
             continue;
