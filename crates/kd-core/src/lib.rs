@@ -30,6 +30,7 @@ mod layout;
 mod mesh;
 mod moved;
 mod node;
+mod offset;
 mod ray;
 mod ray_packet;
 #[cfg(feature = "serde")]
@@ -49,7 +50,8 @@ pub use layout::{Layout, LayoutBytes};
 pub use mesh::{MAX_TRIANGLES, Mesh, MeshError};
 pub use moved::BoundsOnly;
 pub use node::{Node, NodeView, Pair};
-pub use ray::{Hit, Ray, offset_origin};
+pub use offset::offset_origin;
+pub use ray::{Hit, Ray};
 pub use ray_packet::RayPacket8;
 pub use source::PrimSource;
 pub use stats::TreeStats;

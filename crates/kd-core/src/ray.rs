@@ -41,8 +41,8 @@ impl Ray {
     /// excluded. Equal points, and points whose difference exceeds the range of f32, give a ray that
     /// hits nothing.
     ///
-    /// A surface that passes through `a` or `b` only up to rounding may still be hit: see
-    /// [`offset_origin`].
+    /// A surface that passes through `a` or `b` only up to rounding may still be hit.
+    /// [`Mesh::offset_origin`](crate::Mesh::offset_origin) moves the start off its surface.
     pub fn between(a: impl Into<Vec3>, b: impl Into<Vec3>) -> Self {
         let (a, b) = (a.into(), b.into());
         Self::new(a, b - a).with_range(f32::MIN_POSITIVE, 1.0_f32.next_down())
@@ -102,6 +102,9 @@ pub struct Hit {
 
 impl Hit {
     /// The point of the hit on `ray`, which must be the ray that was traced.
+    ///
+    /// It is off the surface by up to 2⁻²⁴ of the distance along the ray, the rounding of `t`.
+    /// [`Mesh::surface_point`](crate::Mesh::surface_point) is on the surface from any distance.
     #[inline]
     pub fn point(&self, ray: &Ray) -> Vec3 {
         ray.at(self.t)
@@ -114,30 +117,6 @@ impl Hit {
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
     }
-}
-
-/// Moves a point off the surface along `normal`, so that a ray from there does not meet the same surface again.
-///
-/// `normal` has unit length and points to the side where the new ray starts. The step is about 256 units in the last
-/// place of each coordinate, and 2⁻¹⁶ near the origin of the coordinate system. It suits scenes of 10⁻² to 10⁵ units in size;
-/// scale others, or use another offset.
-/// (C. Wächter and N. Binder, *A Fast and Robust Method for Avoiding Self-Intersection*, Ray Tracing Gems, 2019.)
-pub fn offset_origin(point: Vec3, normal: Vec3) -> Vec3 {
-    const NEAR_ZERO: f32 = 1.0 / 32.0;
-    const FIXED_STEP: f32 = 1.0 / 65_536.0;
-    const RELATIVE_STEP: f32 = 256.0 * f32::EPSILON;
-    let offset = |p: f32, n: f32| {
-        if p.abs() < NEAR_ZERO {
-            p + n * FIXED_STEP
-        } else {
-            p + n * (p.abs() * RELATIVE_STEP)
-        }
-    };
-    Vec3::new(
-        offset(point.x, normal.x),
-        offset(point.y, normal.y),
-        offset(point.z, normal.z),
-    )
 }
 
 #[cfg(test)]
@@ -187,13 +166,5 @@ mod tests {
         let ray = Ray::between([0.0; 3], [0.0, 4.0, 0.0]);
         assert!(ray.t_min > 0.0 && ray.t_max < 1.0, "{ray:?}");
         assert_eq!(ray.at(0.5), Vec3::new(0.0, 2.0, 0.0), "in the middle");
-    }
-
-    #[test]
-    fn offsets_leave_the_surface_at_every_scale() {
-        for p in [0.0, 1e-3, 0.5, 1.0, 1e3, 1e6] {
-            let up = offset_origin(Vec3::splat(p), Vec3::Y);
-            assert!(up.y > p && up.x == p && up.z == p, "{p}: {up}");
-        }
     }
 }

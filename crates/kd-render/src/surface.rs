@@ -1,7 +1,7 @@
 //! The surface point that a ray hits: position, normals and colors.
 
-use kd::glam::{DVec3, Vec2, Vec3, Vec3A};
-use kd::{Ray, offset_origin};
+use kd::glam::{Vec2, Vec3, Vec3A};
+use kd::{Hit, Mesh, Ray};
 use kd_scene::{Material, Surface};
 
 use crate::stage::Stage;
@@ -10,6 +10,9 @@ use crate::tracer::PartHit;
 /// A surface point at the hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePoint<'a> {
+    /// The mesh that was hit, in scene coordinates.
+    mesh: &'a Mesh,
+    hit: Hit,
     /// Position in scene coordinates.
     pub(crate) at: Vec3,
     /// Unit normal of the triangle, towards the origin of the ray.
@@ -68,7 +71,9 @@ impl<'a> SurfacePoint<'a> {
             normal = (normal - normal.project_onto(ray.direction)).normalize_or(flat_normal);
         }
         Some(Self {
-            at: blend(corners, weights),
+            mesh: &shown.mesh,
+            hit: hit.hit,
+            at: shown.mesh.surface_point(&hit.hit),
             flat_normal,
             normal,
             is_outside,
@@ -83,19 +88,13 @@ impl<'a> SurfacePoint<'a> {
 
     /// Origin for a ray that leaves on the side of the incoming ray.
     pub(crate) fn above(&self) -> Vec3 {
-        offset_origin(self.at, self.flat_normal)
+        self.mesh.offset_origin(&self.hit, self.flat_normal)
     }
 
     /// Origin for a ray that continues behind the surface.
     pub(crate) fn below(&self) -> Vec3 {
-        offset_origin(self.at, -self.flat_normal)
+        self.mesh.offset_origin(&self.hit, -self.flat_normal)
     }
-}
-
-#[inline]
-fn blend([a, b, c]: [DVec3; 3], weights: Vec3) -> Vec3 {
-    let weights = weights.as_dvec3();
-    (weights.x * a + weights.y * b + weights.z * c).as_vec3()
 }
 
 #[inline]

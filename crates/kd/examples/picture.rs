@@ -10,7 +10,7 @@ use std::error::Error;
 
 use image::{Rgb, RgbImage};
 use kd::glam::Vec3;
-use kd::{BuildOptions, KdTree, Ray, load_mesh, offset_origin};
+use kd::{BuildOptions, KdTree, Ray, load_mesh};
 use kd_scene::{Camera, Spd};
 
 const WIDTH: u32 = 640;
@@ -65,7 +65,7 @@ fn shade(tree: &KdTree, ray: &Ray, light: Vec3) -> Vec3 {
     if normal.dot(ray.direction) > 0.0 {
         normal = -normal;
     }
-    let point = offset_origin(hit.point(ray), normal);
+    let point = tree.mesh().offset_origin(&hit, normal);
     let to_light = (light - point).normalize_or_zero();
     let lit = normal.dot(to_light) > 0.0 && !tree.occluded(&Ray::between(point, light));
     let diffuse = if lit { normal.dot(to_light) } else { 0.0 };

@@ -51,8 +51,9 @@
 //! # Rays
 //!
 //! A [`Ray`] has an origin, a direction of any length, and a closed range of `t`, in multiples of the
-//! direction. [`Ray::between`] is the open segment between two points, for shadow rays, and [`offset_origin`] moves its start off
-//! the surface.
+//! direction. [`Ray::between`] is the open segment between two points, for shadow rays. [`Mesh::offset_origin`] is its start just
+//! off the surface: proven not to shadow itself at any scale and from any distance. ([`offset_origin`] is a fixed rule for points
+//! of surfaces other than a mesh.)
 //!
 //! | query | returns |
 //! |---|---|
@@ -73,7 +74,7 @@
 //! let ray = Ray::new(eye, [0.0, 0.0, 1.0]);
 //! if let Some(hit) = tree.intersect(&ray) {
 //!     let towards_eye = -tree.mesh().normal(hit.triangle);
-//!     let point = kd::offset_origin(hit.point(&ray), towards_eye);
+//!     let point = tree.mesh().offset_origin(&hit, towards_eye);
 //!     let lit = !tree.occluded(&Ray::between(point, light));
 //!     assert!(lit);
 //! }

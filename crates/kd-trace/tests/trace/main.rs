@@ -4,6 +4,7 @@ mod adversarial;
 mod binary;
 mod cells;
 mod check;
+mod offset;
 mod oracle;
 mod packed;
 mod packets;
