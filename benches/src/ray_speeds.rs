@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use kd::{BuildOptions, Hit, KdTree};
+use kd_rivals::{FIRST, Restarting};
 use kd_trace::RayQuery;
 
 use crate::arguments::name_of;
@@ -17,11 +18,11 @@ use crate::record::Record;
 use crate::scene_table::{SceneTable, SceneTableArgs};
 use crate::scenes::Scene;
 use crate::session::Session;
-use crate::structure::{FIRST, Manner};
+use crate::structure::Manner;
 use crate::view::View;
 use crate::workload::Amount;
 
-use first_hits::{Distances, Restarting};
+use first_hits::Distances;
 
 /// The number of triangles from which incoherent batches are compared with single rays: they should pay where a tree exceeds the
 /// caches.

@@ -78,27 +78,6 @@ pub(crate) fn any<Q: RayQuery>(query: &Q, by: Manner, rays: &[Ray], occluded: &m
     }
 }
 
-/// The first hits of a structure that has no query for them: another ray from just behind each closest hit. Of several hits
-/// at the same distance it finds one.
-pub(crate) fn restarted_hits(
-    query: &impl RayQuery<Hit = Hit>,
-    ray: &Ray,
-    max: usize,
-    out: &mut Vec<Hit>,
-) {
-    out.clear();
-    let mut rest = *ray;
-    while out.len() < max
-        && let Some(hit) = query.intersect(&rest)
-    {
-        out.push(hit);
-        rest.t_min = hit.t.next_up();
-    }
-}
-
-/// The number of hits of a ray that are compared with a rival's.
-pub(crate) const FIRST: usize = 4;
-
 /// A structure that counts no steps.
 pub(crate) struct Queried<Q> {
     pub(crate) query: Q,

@@ -20,7 +20,7 @@ use crate::check::Answers;
 use crate::environment::Environment;
 use crate::measure::{Pairs, Repeats, seconds, timed_in_pairs};
 use crate::names::{BuilderName, LayoutName, Variant};
-use crate::peers::{self, FOLLOWING};
+use crate::peers::{self, FOLLOWING, OfRival};
 use crate::plots::{Axis, XyPlot};
 use crate::session::Session;
 use crate::structure::{Queried, Shape, Structure};
@@ -358,26 +358,27 @@ impl<'a> Bench<'a> {
         let now = self.animation.moved(self.frame)?;
         let [before, now] = [before, now].map(|meshes| Mesh::concatenated(&meshes));
         let (before, now) = (before?, now?);
-        for following in FOLLOWING {
-            let mut rival = peers::following(following, [&*self.animation.fixed, &before])?;
+        for (name, following) in FOLLOWING {
+            let mut rival = following.build(&self.animation.fixed, &before)?;
             let mut update = || -> anyhow::Result<f64> {
                 rival.update(before.positions())?;
-                seconds(|| rival.update(now.positions()))
+                seconds(|| Ok(rival.update(now.positions())?))
             };
             for number in [0, 1] {
                 let repeats = session.repeats;
                 let pairs = timed_in_pairs(repeats, &mut update, || self.update(number))?;
-                session.add_build(&way(WAYS[number].0), &embree(following), &pairs);
+                session.add_build(&way(WAYS[number].0), &embree(name), &pairs);
             }
-            let found = self.rays.answers(rival.structure());
+            let traced = OfRival::new(Box::new(rival.structure()));
+            let found = self.rays.answers(&traced);
             let ppm = disagreement_ppm(&self.expected, &found, true);
             if ppm > 1000.0 {
                 let scene = &session.scene;
-                let problem = format!("{scene}, Embree {following}: {ppm:.0} ppm of rays disagree");
+                let problem = format!("{scene}, Embree {name}: {ppm:.0} ppm of rays disagree");
                 session.problems.push(problem);
             }
             let together = [Together::None, Together::Coherent];
-            self.trace(session, &embree(following), rival.structure(), together);
+            self.trace(session, &embree(name), &traced, together);
         }
         self.totals(session)
     }
@@ -390,7 +391,7 @@ impl<'a> Bench<'a> {
         ] {
             let total =
                 |expression: &str| view::value(&session.cells, &expression.replace("RAYS", rays));
-            let theirs = FOLLOWING.map(|way| total(&ITS_TOTAL.replace("WAY", way)));
+            let theirs = FOLLOWING.map(|(way, _)| total(&ITS_TOTAL.replace("WAY", way)));
             let theirs: anyhow::Result<Vec<f64>> = theirs.into_iter().collect();
             let pairs = Pairs {
                 own: vec![1e-3 * total(OUR_TOTAL)?],
