@@ -14,7 +14,7 @@ use crate::environment::Environment;
 use crate::measure::{Repeats, timed_in_pairs};
 use crate::names::{BuilderName, LayoutName, REFERENCE, RIVAL, StructureName, Variant};
 use crate::rays::RayKind;
-use crate::record::{self, Exact, Record, Steps};
+use crate::record::{Exact, Record, Steps};
 use crate::report;
 use crate::run_folder::{self, RunFolder};
 use crate::scenes::{self, Scene, SceneSource};
@@ -152,7 +152,10 @@ pub(crate) fn run(arguments: &BenchArgs) -> anyhow::Result<bool> {
             sweep.problems.push(format!("{}: {why:#}", source.name));
         }
         // After each scene, so that an interrupted run keeps its records.
-        run_folder::write(&sweep.folder.records(), record::to_lines(&sweep.records)?)?;
+        run_folder::write(
+            &sweep.folder.records(),
+            run_folder::json_lines(&sweep.records)?,
+        )?;
     }
     sweep.progress.finish_and_clear();
     if let Some(program) = &arguments.native_build
@@ -325,7 +328,7 @@ impl Sweep {
     }
 
     fn conclude(self, arguments: &BenchArgs) -> anyhow::Result<bool> {
-        let lines = record::to_lines(&self.records)?;
+        let lines = run_folder::json_lines(&self.records)?;
         run_folder::write(&self.folder.records(), &lines)?;
         report::write(&self.folder, &self.records)?;
         let latest = self.folder.publish_as_latest()?;

@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     let environment = Environment::detect();
     let updates = 4 * arguments.samples + 1;
     let mut table = text::empty_table(["static", "moving", "merge ms", "auto ms"]);
-    let mut lines = String::new();
+    let mut lines = Vec::new();
     for size in sizes {
         let animation = Animation::with_object(*size, |_| MOVING)?;
         let (fixed, moving) = (animation.fixed.len(), animation.groups[0].len());
@@ -60,15 +60,13 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         let ms: Vec<f64> = session.cells.iter().map(|cell| cell.build_ms()).collect();
         let counts = [fixed.to_string(), moving.to_string()].into_iter();
         table.add_row(counts.chain(ms.iter().map(|ms| format!("{ms:.3}"))));
-        let line = json!({
+        lines.push(json!({
             "table": "merge-table", "row": "growth", "still": fixed, "moving": moving,
             "merge_ms": ms[0], "auto_ms": ms[1],
-        });
-        lines += &serde_json::to_string(&line)?;
-        lines.push('\n');
+        }));
     }
     text::align_right(&mut table, 0);
     println!("{table}\none thread, medians of {updates} updates");
-    run_folder::write_all([arguments.json.clone()], lines)?;
+    run_folder::write_all([arguments.json.clone()], run_folder::json_lines(lines)?)?;
     Ok(true)
 }
