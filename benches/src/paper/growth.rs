@@ -51,11 +51,7 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
             // The first one builds the static tree.
             update()?;
             let own: Result<Vec<f64>, _> = (0..updates).map(|_| update()).collect();
-            let pairs = Pairs {
-                own: own?,
-                baseline: Vec::new(),
-            };
-            session.add_build(&format!("scene/{name}/frame"), "", &pairs);
+            session.add_build(&format!("scene/{name}/frame"), "", &Pairs::alone(own?));
         }
         let ms: Vec<f64> = session.cells.iter().map(|cell| cell.build_ms()).collect();
         let counts = [fixed.to_string(), moving.to_string()].into_iter();

@@ -353,11 +353,8 @@ impl<'a> Bench<'a> {
     fn copy(&self, session: &mut Session<'_>) -> anyhow::Result<()> {
         let tree = kd::custom::build(&*self.animation.fixed, &options(BuilderName::Best))?;
         let copies = (0..session.repeats.pairs).map(|_| seconds(|| anyhow::Ok(tree.clone())));
-        let pairs = Pairs {
-            own: copies.collect::<Result<_, _>>()?,
-            baseline: Vec::new(),
-        };
-        session.add_build(COPY, "", &pairs);
+        let copies = Pairs::alone(copies.collect::<Result<_, _>>()?);
+        session.add_build(COPY, "", &copies);
         Ok(())
     }
 
@@ -431,11 +428,8 @@ fn parts_of_updates(session: &mut Session<'_>) -> anyhow::Result<()> {
         let dynamic = if builds_objects(way) { objects } else { 0.0 };
         let merge = update(&session.cells, way)? - dynamic;
         for (part, ms) in [("copy", 0.0), ("dynamic", dynamic), ("merge", merge)] {
-            let pairs = Pairs {
-                own: vec![1e-3 * ms],
-                baseline: Vec::new(),
-            };
-            session.add_build(&format!("scene/{way}/{part}"), "", &pairs);
+            let part = format!("scene/{way}/{part}");
+            session.add_build(&part, "", &Pairs::alone(vec![1e-3 * ms]));
         }
     }
     Ok(())

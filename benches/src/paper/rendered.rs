@@ -177,11 +177,7 @@ impl<'a> Bench<'a> {
         let rays = usize::try_from(expected.rays.total())?;
         session.add_rays(MERGED, PICTURE, REBUILT, &pictures, rays);
         let mean = tracing.seconds() / session.repeats.pairs as f64;
-        let tracing = Pairs {
-            own: vec![mean],
-            baseline: Vec::new(),
-        };
-        session.add_rays(MERGED, TRACING, "", &tracing, rays);
+        session.add_rays(MERGED, TRACING, "", &Pairs::alone(vec![mean]), rays);
         if with_embree {
             self.embree(session, &expected, frame)?;
         }
