@@ -480,6 +480,19 @@ pub(crate) fn cell(scene: &str, subject: &str, rays: &str, over: &str, time: f64
     cell
 }
 
+/// The table of a view, in which these rows have the value and meet their goal or not, for tests here and in other modules.
+#[cfg(test)]
+pub(crate) fn table_with(view: &str, cells: &[Record], rows: &[(&str, f64, bool)]) -> Table {
+    let view = View::named(&[view], ("LAYOUT", "tree")).expect("valid");
+    let table = view.of(cells);
+    for (name, value, is_met) in rows {
+        let row = table.row(name);
+        assert!((row.of_all() - value).abs() < 1e-9, "{value}: {row:?}");
+        assert_eq!(row.is_met(), Some(*is_met), "{row:?}");
+    }
+    table
+}
+
 #[cfg(test)]
 impl Row {
     /// The value of all scenes, where there must be one.
