@@ -1,10 +1,9 @@
 //! The time of an update as the static scene grows, with the moving object apart from it.
 
 use std::hint::black_box;
-use std::sync::Arc;
 use std::time::Instant;
 
-use kd::{BuildOptions, MergeMethod, Scene, Strategy};
+use kd::{BuildOptions, MergeMethod, Strategy};
 use serde_json::json;
 
 use super::PaperArgs;
@@ -38,10 +37,8 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         let (fixed, moving) = (animation.fixed.len(), animation.groups[0].len());
         let mut session = Session::new(&environment, &animation.name, fixed + moving, updates);
         for (name, strategy) in WAYS {
-            let mut scene = Scene::new(BuildOptions::fast().with_threads(1));
-            scene.set_strategy(strategy);
-            scene.add_static(Arc::clone(&animation.fixed))?;
-            let parts = [scene.add_dynamic(Arc::clone(&animation.groups[0]))?];
+            let options = BuildOptions::fast().with_threads(1);
+            let (mut scene, parts) = animation.scene(options, strategy)?;
             let mut update = || -> anyhow::Result<f64> {
                 let start = Instant::now();
                 animation.set(&mut scene, &parts, 0)?;

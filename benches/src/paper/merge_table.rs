@@ -180,13 +180,8 @@ impl<'a> Bench<'a> {
         let rays = Mirrors::new(&best, animation.camera(frame), animation.light, limit);
         let mut scenes = Vec::new();
         for (_, strategy) in WAYS {
-            let mut scene = Scene::new(options(BuilderName::Best));
-            scene.set_strategy(strategy);
+            let (mut scene, parts) = animation.scene(options(BuilderName::Best), strategy)?;
             scene.set_ray_budget(rays.of_whole_picture() as u64);
-            scene.add_static(Arc::clone(&animation.fixed))?;
-            let groups = animation.groups.iter();
-            let parts = groups.map(|mesh| scene.add_dynamic(Arc::clone(mesh)));
-            let parts = parts.collect::<Result<Vec<_>, _>>()?;
             animation.set(&mut scene, &parts, animation.before(frame))?;
             scene.commit()?;
             scenes.push((scene, parts));
