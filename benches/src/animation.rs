@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
 use kd::glam::{Affine3A, Mat3A, Vec3, Vec3A};
-use kd::{Mesh, PartId};
+use kd::{BuildOptions, Mesh, PartId, Strategy};
 use kd_scene::{Camera, Spd};
 use serde::Deserialize;
 
@@ -227,6 +227,21 @@ impl Animation {
         frame
             .checked_sub(1)
             .unwrap_or(1.min(self.cameras.len() - 1))
+    }
+
+    /// A scene of the static mesh and of a part for each group, not committed.
+    pub(crate) fn scene(
+        &self,
+        options: BuildOptions,
+        strategy: Strategy,
+    ) -> anyhow::Result<(kd::Scene, Vec<PartId>)> {
+        let mut scene = kd::Scene::new(options);
+        scene.set_strategy(strategy);
+        scene.add_static(Arc::clone(&self.fixed))?;
+        let groups = self.groups.iter();
+        let parts = groups.map(|mesh| scene.add_dynamic(Arc::clone(mesh)));
+        let parts = parts.collect::<Result<_, _>>()?;
+        Ok((scene, parts))
     }
 
     /// Moves the parts of a scene, one for each group, to a frame.

@@ -22,9 +22,10 @@ use serde::Serialize;
 
 use crate::arguments::at_least_one;
 use crate::environment::Environment;
-use crate::rays::{self, RayKind, RaySource};
+use crate::rays::RayKind;
 use crate::run_folder;
 use crate::scenes::{self, Scene, SceneSource};
+use crate::workload::{self, Amount, Workload};
 use fit::{Equation, Fit, TERMS};
 use neighbors::{Comparison, compare};
 
@@ -78,7 +79,7 @@ const fn with(intersect: f32, empty_bonus: f32) -> CostModel {
 }
 
 /// A scene with groups of rays of every kind.
-struct Workload {
+struct Grouped {
     scene: Scene,
     groups: Vec<(RayKind, Vec<Vec<Ray>>)>,
 }
@@ -118,7 +119,7 @@ pub(crate) fn run(arguments: &CalibrateArgs) -> anyhow::Result<bool> {
     let mut equations = Vec::new();
     for source in &sources {
         eprintln!("{}: building and tracing", source.name);
-        let workload = Workload::new(source)?;
+        let workload = Grouped::new(source)?;
         for cost in MODELS {
             let tree = build(&workload.scene, cost)?;
             for (kind, groups) in &workload.groups {
@@ -191,23 +192,18 @@ fn print_fit(fit: &Fit, equations: usize, intersect: f64) {
     );
 }
 
-impl Workload {
+impl Grouped {
     fn new(source: &SceneSource) -> anyhow::Result<Self> {
         let scene = source.load()?;
         let tree = build(&scene, CostModel::PACKED)?;
-        let primary = rays::primary(&scene.camera, SIDE);
-        let mut hits = vec![None; primary.len()];
-        tree.intersect_batch(&primary, &mut hits);
-        let points = rays::surface_points(&scene.mesh, &primary, &hits);
-        let source = RaySource {
-            mesh: &scene.mesh,
-            light: scene.light,
-            primary: &primary,
-            points: &points,
-            limit: 4 * GROUP * GROUPS,
+        let amount = Amount {
+            side: SIDE,
+            ray_limit: 4 * GROUP * GROUPS,
+            brute_force_tests: 0,
+            least_checked: 0,
         };
-        let groups = RayKind::value_variants().iter().map(|kind| {
-            let rays = source.rays(*kind);
+        let workloads = workload::all(&scene, RayKind::value_variants(), amount, &tree);
+        let groups = workloads.iter().map(|Workload { kind, rays, .. }| {
             let step = (rays.len() / GROUP / GROUPS).max(1);
             let whole = rays.chunks_exact(GROUP).step_by(step).take(GROUPS);
             (*kind, whole.map(<[Ray]>::to_vec).collect())

@@ -1,6 +1,8 @@
 //! Checks of answers: a wrong answer is an error, never a fast result.
 
 use kd::{Hit, Mesh, Ray};
+use kd_trace::brute_force;
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use crate::rays::RayKind;
 use crate::record::hash_of_ids;
@@ -107,29 +109,12 @@ impl BruteForce {
     ) -> Self {
         let wanted = (tests / mesh.len().max(1)).max(least).min(rays.len());
         let chosen: Vec<usize> = (0..wanted).map(|i| i * rays.len() / wanted).collect();
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let mut answers = Answers::none(kind, wanted);
-        let share = wanted.div_ceil(threads).max(1);
-        std::thread::scope(|scope| match &mut answers {
-            Answers::Closest(hits) => {
-                for (chosen, hits) in chosen.chunks(share).zip(hits.chunks_mut(share)) {
-                    scope.spawn(|| {
-                        for (ray, hit) in chosen.iter().zip(hits) {
-                            *hit = kd_trace::brute_force::intersect(mesh, &rays[*ray]);
-                        }
-                    });
-                }
-            }
-            Answers::Any(hits) => {
-                for (chosen, hits) in chosen.chunks(share).zip(hits.chunks_mut(share)) {
-                    scope.spawn(|| {
-                        for (ray, hit) in chosen.iter().zip(hits) {
-                            *hit = kd_trace::brute_force::occluded(mesh, &rays[*ray]);
-                        }
-                    });
-                }
-            }
-        });
+        let rays = chosen.par_iter().map(|ray| &rays[*ray]);
+        let answers = if kind.is_any_hit() {
+            Answers::Any(rays.map(|ray| brute_force::occluded(mesh, ray)).collect())
+        } else {
+            Answers::Closest(rays.map(|ray| brute_force::intersect(mesh, ray)).collect())
+        };
         Self {
             rays: chosen,
             answers,

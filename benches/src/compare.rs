@@ -1,10 +1,10 @@
 //! The differences of two runs. Exact values must be equal, except of rivals, which may change with their libraries; times
 //! are printed for information, since they vary with the load of the machine.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::record::{self, Record};
 use crate::summary::three_digits;
@@ -58,28 +58,11 @@ impl Comparison {
     }
 
     fn compare(&mut self, cell: &str, old: &Record, new: &Record) -> anyhow::Result<()> {
-        if old.triangles != new.triangles {
-            self.changes.push(format!(
-                "{cell}: triangles {} -> {}",
-                old.triangles, new.triangles
-            ));
-        }
-        let (old_exact, new_exact) = (
-            serde_json::to_value(&old.exact)?,
-            serde_json::to_value(&new.exact)?,
-        );
-        let mut fields: Vec<&String> = [&old_exact, &new_exact]
-            .into_iter()
-            .filter_map(Value::as_object)
-            .flat_map(serde_json::Map::keys)
-            .collect();
-        if new.is_of_rival() {
-            fields.clear();
-        }
-        fields.sort();
-        fields.dedup();
+        let (old_exact, new_exact) = (exact(old)?, exact(new)?);
+        let fields: BTreeSet<&String> = old_exact.keys().chain(new_exact.keys()).collect();
         for field in fields {
-            let (old, new) = (&old_exact[field], &new_exact[field]);
+            let value = |exact: &Map<String, Value>| exact.get(field).cloned().unwrap_or_default();
+            let (old, new) = (value(&old_exact), value(&new_exact));
             if old != new {
                 self.changes.push(format!("{cell}: {field} {old} -> {new}"));
             }
@@ -102,6 +85,17 @@ impl Comparison {
         self.times.push(format!("{cell}: {build}, {trace}"));
         Ok(())
     }
+}
+
+/// The fields that are compared, of a rival only the number of triangles.
+fn exact(record: &Record) -> anyhow::Result<Map<String, Value>> {
+    let mut fields = Map::from_iter([("triangles".to_owned(), record.triangles.into())]);
+    if !record.is_of_rival()
+        && let Value::Object(exact) = serde_json::to_value(&record.exact)?
+    {
+        fields.extend(exact);
+    }
+    Ok(fields)
 }
 
 fn by_cell(records: &[Record]) -> anyhow::Result<BTreeMap<String, &Record>> {

@@ -123,11 +123,7 @@ pub(crate) fn run(arguments: &InstructionsArgs) -> anyhow::Result<bool> {
         text::align_right(&mut table, 1);
         println!("{table}");
     }
-    let lines: Vec<String> = counts
-        .iter()
-        .map(serde_json::to_string)
-        .collect::<Result<_, _>>()?;
-    run_folder::write_all([arguments.json.clone()], lines.join("\n") + "\n")?;
+    run_folder::write_all([arguments.json.clone()], run_folder::json_lines(&counts)?)?;
     Ok(true)
 }
 

@@ -17,6 +17,14 @@ pub(crate) struct Pairs {
 }
 
 impl Pairs {
+    /// Times without a baseline.
+    pub(crate) const fn alone(own: Vec<f64>) -> Self {
+        Self {
+            own,
+            baseline: Vec::new(),
+        }
+    }
+
     /// Both lists in another unit.
     pub(crate) fn scaled(&self, units_per_second: f64) -> (Vec<f64>, Vec<f64>) {
         let scale = |seconds: &[f64]| seconds.iter().map(|s| s * units_per_second).collect();

@@ -12,25 +12,23 @@ use kd_comparators::{
 use kd_grid::{GridOptions, Overlap, UniformGrid};
 use rayon::ThreadPoolBuilder;
 
+use crate::memory::bytes_during;
 use crate::names::{BuilderName, LayoutName, StructureName, Variant};
-use crate::structure::{Built, Measured, Queried, Shape};
+use crate::structure::{Built, Queried, Shape};
 
 pub(crate) fn build(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
     match variant.structure {
         StructureName::Kd => kd_tree(variant, mesh, threads),
         StructureName::Grid => grid(variant.builder, mesh, threads),
         StructureName::Bvh => bvh(variant, mesh, threads),
-        StructureName::Octree => {
-            let measured =
-                Measured::try_of(|| Octree::build(Arc::clone(mesh), &CellOptions::default()))?;
-            Ok(measured
-                .into_built(|octree, _| Queried::new(octree, |octree| shape_of(&octree.stats()))))
-        }
-        StructureName::Bsp => {
-            let measured =
-                Measured::try_of(|| PolygonBsp::build(Arc::clone(mesh), &CellOptions::default()))?;
-            Ok(measured.into_built(|bsp, _| Queried::new(bsp, |bsp| shape_of(&bsp.stats()))))
-        }
+        StructureName::Octree => Ok(Built::queried(
+            || Octree::build(Arc::clone(mesh), &CellOptions::default()),
+            |octree| shape_of(&octree.stats()),
+        )?),
+        StructureName::Bsp => Ok(Built::queried(
+            || PolygonBsp::build(Arc::clone(mesh), &CellOptions::default()),
+            |bsp| shape_of(&bsp.stats()),
+        )?),
         _ => bail!("{variant} is a rival"),
     }
 }
@@ -40,8 +38,8 @@ fn kd_tree(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result
     let options = options.context("not a builder of kd-trees")?;
     let options = options.with_threads(threads);
     let options = options.with_layout(variant.layout.layout());
-    let measured = Measured::try_of(|| KdTree::build(Arc::clone(mesh), &options))?;
-    Ok(measured.into_built(|tree, _| tree))
+    let build = || KdTree::build(Arc::clone(mesh), &options);
+    Ok(Built::of(build, |tree| tree)?)
 }
 
 /// Seconds of tree construction only, without layout.
@@ -66,9 +64,9 @@ pub(crate) fn peak_bytes_of_tree(variant: Variant, mesh: &Mesh) -> anyhow::Resul
         return Ok(None);
     };
     let options = options.with_threads(1);
-    let measured = Measured::try_of(|| kd::custom::build(mesh, &options))
-        .with_context(|| format!("cannot build {variant}"))?;
-    Ok(Some(measured.bytes.peak))
+    let (tree, bytes) = bytes_during(|| kd::custom::build(mesh, &options));
+    tree.with_context(|| format!("cannot build {variant}"))?;
+    Ok(Some(bytes.peak))
 }
 
 fn grid(builder: BuilderName, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Built> {
@@ -79,20 +77,18 @@ fn grid(builder: BuilderName, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Resul
     let options = GridOptions::new()
         .with_overlap(overlap)
         .with_threads(threads);
-    let measured = Measured::try_of(|| UniformGrid::build(Arc::clone(mesh), &options))?;
-    Ok(measured.into_built(|grid, _| {
-        Queried::new(grid, |grid| {
-            let stats = grid.stats().with_zero_area(grid.mesh().zero_area_count());
-            Shape {
-                leaves: stats.cells,
-                empty_leaves: stats.empty_cells,
-                refs: stats.references,
-                bytes_total: stats.bytes,
-                text: stats.to_string(),
-                ..Shape::default()
-            }
-        })
-    }))
+    let build = || UniformGrid::build(Arc::clone(mesh), &options);
+    Ok(Built::queried(build, |grid| {
+        let stats = grid.stats().with_zero_area(grid.mesh().zero_area_count());
+        Shape {
+            leaves: stats.cells,
+            empty_leaves: stats.empty_cells,
+            refs: stats.references,
+            bytes_total: stats.bytes,
+            text: stats.to_string(),
+            ..Shape::default()
+        }
+    })?)
 }
 
 /// The hierarchy through its own nodes, or through wide nodes that are made of it or directly of objects.
@@ -100,13 +96,13 @@ fn bvh(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Bui
     let usual = BvhOptions::new().with_threads(threads);
     let options = match variant.builder {
         BuilderName::Objects => {
-            let measured = Measured::try_of(|| of_objects(mesh, threads))?;
-            return Ok(measured.into_built(|wide, _| {
-                Queried::new(wide, |wide| Shape {
+            return Built::queried(
+                || of_objects(mesh, threads),
+                |wide| Shape {
                     bytes_total: bytes_of(wide),
                     ..Shape::default()
-                })
-            }));
+                },
+            );
         }
         BuilderName::Binned => usual,
         BuilderName::Sweep => usual.with_method(BvhMethod::Sweep),
@@ -115,24 +111,19 @@ fn bvh(variant: Variant, mesh: &Arc<Mesh>, threads: usize) -> anyhow::Result<Bui
         BuilderName::EqualCounts => usual.with_method(BvhMethod::EqualCounts),
         _ => bail!("not a builder of hierarchies"),
     };
+    let build = || Bvh::build(Arc::clone(mesh), &options);
     if variant.layout == LayoutName::Binary {
-        let measured = Measured::try_of(|| Bvh::build(Arc::clone(mesh), &options))?;
-        return Ok(measured.into_built(|bvh, _| {
-            Queried::new(bvh, |bvh| {
-                let stats = bvh.stats();
-                shape_of_bvh(&stats, stats.bytes)
-            })
-        }));
+        return Ok(Built::queried(build, |bvh| {
+            let stats = bvh.stats();
+            shape_of_bvh(&stats, stats.bytes)
+        })?);
     }
-    let measured = Measured::try_of(|| {
-        let bvh = Bvh::build(Arc::clone(mesh), &options)?;
-        let wide = bvh.wide();
-        anyhow::Ok((bvh, wide))
-    })?;
-    Ok(measured.into_built(|(bvh, wide), _| {
+    let with_wide = || build().map(|bvh| (bvh.wide(), bvh));
+    let built = Built::of(with_wide, |(wide, bvh)| {
         // The hierarchy is kept for its statistics.
         Queried::new(wide, move |wide| shape_of_bvh(&bvh.stats(), bytes_of(wide)))
-    }))
+    });
+    Ok(built?)
 }
 
 fn of_objects(mesh: &Mesh, threads: usize) -> anyhow::Result<WideTree> {

@@ -1,5 +1,6 @@
 //! The tables of the papers, reproduced beside ours.
 
+mod batches;
 mod frame;
 mod grid_table;
 mod growth;

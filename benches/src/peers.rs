@@ -1,116 +1,126 @@
-//! Rival libraries, compiled in with the feature `peers`.
-//!
-//! A rival first gets a copy of the mesh in its own form of input. Its clock starts then, and stops when it is ready to trace.
+//! Rival libraries, as structures under measurement. The feature `peers` compiles them.
 
-#[cfg(feature = "peers")]
-mod bvh;
-#[cfg(feature = "peers")]
-mod embree;
-#[cfg(feature = "peers")]
-mod embree_api;
-#[cfg(feature = "peers")]
-mod obvhs;
-#[cfg(feature = "peers")]
-mod parry3d;
-#[cfg(feature = "peers")]
-mod rust;
+use kd::{Hit, Mesh, Ray};
+use kd_rivals::{
+    Bytes, EmbreeBuild, Following, ObvhsBuild, Options, Purpose, Queries, Rival, RivalError,
+};
 
-#[cfg(feature = "peers")]
-pub(crate) use available::{build, check_available, filtered, following};
-#[cfg(not(feature = "peers"))]
-pub(crate) use missing::{build, check_available, filtered, following};
+use crate::arguments::UsageError;
+use crate::memory::bytes_during;
+use crate::names::{BuilderName, StructureName, Variant};
+use crate::structure::{Built, Manner, Shape, Structure};
 
-use kd::{Hit, Mesh};
-use kd_trace::RayQuery;
-
-use crate::names::Variant;
-use crate::structure::{Built, Structure};
-
-/// A structure with the query for several hits.
-type Filtered = Box<dyn RayQuery<Hit = Hit>>;
-
-/// A structure over a static and a moving mesh.
-pub(crate) trait Following {
-    /// Moves the vertices of the moving mesh and updates the structure: the timed part.
-    fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()>;
-    fn structure(&self) -> &dyn Structure;
+/// Whether rivals can be measured; the error says what to do if not.
+pub(crate) fn check_available() -> anyhow::Result<()> {
+    match kd_rivals::check_available() {
+        Err(RivalError::NotCompiled(_)) => {
+            let message = "no rival libraries are compiled in; `cargo xtask bench --peers` compiles them, \
+                           which is the feature `peers` of kd-bench";
+            Err(UsageError(message.into()).into())
+        }
+        available => Ok(available?),
+    }
 }
 
-/// The ways in which Embree follows a moving mesh: everything rebuilt, the moving mesh rebuilt, the moving mesh refitted.
-pub(crate) const FOLLOWING: [&str; 3] = ["rebuild", "medium", "refit"];
+/// Builds a rival's structure over a mesh.
+pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
+    let embree = match variant.builder {
+        BuilderName::Low => EmbreeBuild::Low,
+        BuilderName::High => EmbreeBuild::High,
+        _ => EmbreeBuild::Medium,
+    };
+    let rival = match variant.structure {
+        StructureName::Obvhs => Rival::Obvhs(match variant.builder {
+            BuilderName::Fastest => ObvhsBuild::Fastest,
+            BuilderName::Slow => ObvhsBuild::Slow,
+            _ => ObvhsBuild::Medium,
+        }),
+        StructureName::Bvh => Rival::Bvh,
+        StructureName::Parry3d => Rival::Parry3d,
+        StructureName::EmbreeRobust => Rival::Embree(embree, Purpose::Robust),
+        _ => Rival::Embree(embree, Purpose::Usual),
+    };
+    let built = rival.build(mesh, options(threads))?;
+    Ok(Built {
+        structure: Box::new(OfRival {
+            always_in_packets: variant.structure == StructureName::Embree8,
+            bytes: built.bytes.kept,
+            ..OfRival::new(built.structure)
+        }),
+        seconds: built.seconds,
+        peak_bytes: built.bytes.peak,
+    })
+}
 
-#[cfg(feature = "peers")]
-mod available {
-    use super::{Built, Filtered, Following, Mesh, Variant, bvh, embree, obvhs, parry3d};
-    use crate::names::StructureName;
-    use crate::structure::Shape;
+/// The ways in which Embree follows a moving mesh, with their names in records.
+pub(crate) const FOLLOWING: [(&str, Following); 3] = [
+    ("rebuild", Following::Rebuild),
+    ("medium", Following::RebuildMoving),
+    ("refit", Following::Refit),
+];
 
-    /// Whether rivals can be measured; the error says what to do if not.
-    pub(crate) fn check_available() -> anyhow::Result<()> {
-        Ok(super::embree_api::check_installed()?)
+/// Embree's medium BVH, with a filter that keeps the nearest hits of a ray.
+pub(crate) fn filtered(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dyn Queries>> {
+    let rival = Rival::Embree(EmbreeBuild::Medium, Purpose::FirstHits);
+    Ok(rival.build(mesh, options(threads))?.structure)
+}
+
+fn options(threads: usize) -> Options {
+    Options {
+        threads,
+        count: |work| {
+            let ((), taken) = bytes_during(work);
+            Bytes {
+                peak: taken.peak,
+                kept: taken.kept,
+            }
+        },
     }
+}
 
-    /// Builds a rival's structure over a mesh.
-    pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
-        let builder = variant.builder;
-        match variant.structure {
-            StructureName::Obvhs => obvhs::build(builder, mesh, threads),
-            StructureName::Bvh => bvh::build(mesh, threads),
-            StructureName::Parry3d => parry3d::build(mesh, threads),
-            structure => embree::build(structure, builder, mesh, threads),
+/// The structure of a rival.
+pub(crate) struct OfRival<'a> {
+    queries: Box<dyn Queries + 'a>,
+    always_in_packets: bool,
+    bytes: usize,
+}
+
+impl<'a> OfRival<'a> {
+    pub(crate) fn new(queries: Box<dyn Queries + 'a>) -> Self {
+        Self {
+            queries,
+            always_in_packets: false,
+            bytes: 0,
         }
     }
 
-    /// Embree's medium BVH, with a filter that keeps the nearest hits of a ray.
-    pub(crate) fn filtered(mesh: &Mesh, threads: usize) -> anyhow::Result<Filtered> {
-        embree::filtered(mesh, threads)
+    fn is_one_at_a_time(&self, by: Manner) -> bool {
+        by == Manner::Single && !self.always_in_packets
+    }
+}
+
+impl Structure for OfRival<'_> {
+    fn closest(&self, by: Manner, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        if self.is_one_at_a_time(by) {
+            self.queries.intersect_each(rays, hits);
+        } else {
+            self.queries.intersect_batch(rays, hits);
+        }
     }
 
-    /// Embree over a static and a moving mesh, in one of the ways of [`FOLLOWING`](super::FOLLOWING).
-    pub(crate) fn following(
-        way: &str,
-        [fixed, moving]: [&Mesh; 2],
-    ) -> anyhow::Result<Box<dyn Following>> {
-        Ok(Box::new(embree::Moved::new(way, fixed, moving)?))
+    fn any(&self, by: Manner, rays: &[Ray], occluded: &mut [bool]) {
+        if self.is_one_at_a_time(by) {
+            self.queries.occluded_each(rays, occluded);
+        } else {
+            self.queries.occluded_batch(rays, occluded);
+        }
     }
 
-    /// The shape of a structure that reveals only its size.
-    pub(super) fn shape_of(bytes_total: usize) -> Shape {
+    fn shape(&self) -> Shape {
         Shape {
-            bytes_total,
+            bytes_total: self.bytes,
             ..Shape::default()
         }
-    }
-}
-
-#[cfg(feature = "peers")]
-use available::shape_of;
-
-#[cfg(not(feature = "peers"))]
-mod missing {
-    use super::{Built, Filtered, Following, Mesh, Variant};
-    use crate::arguments::UsageError;
-
-    /// Whether rivals can be measured; the error says what to do if not.
-    pub(crate) fn check_available() -> anyhow::Result<()> {
-        let message = "no rival libraries are compiled in; `cargo xtask bench --peers` compiles them, \
-                       which is the feature `peers` of kd-bench";
-        Err(UsageError(message.into()).into())
-    }
-
-    /// Refuses.
-    pub(crate) fn build(_: Variant, _: &Mesh, _: usize) -> anyhow::Result<Built> {
-        Err(check_available().expect_err("none are compiled in"))
-    }
-
-    /// Refuses.
-    pub(crate) fn filtered(_: &Mesh, _: usize) -> anyhow::Result<Filtered> {
-        Err(check_available().expect_err("none are compiled in"))
-    }
-
-    /// Refuses.
-    pub(crate) fn following(_: &str, _: [&Mesh; 2]) -> anyhow::Result<Box<dyn Following>> {
-        Err(check_available().expect_err("none are compiled in"))
     }
 }
 

@@ -258,16 +258,6 @@ fn parse(text: &str) -> anyhow::Result<Vec<Record>> {
     Ok(records)
 }
 
-/// As JSON lines.
-pub(crate) fn to_lines(records: &[Record]) -> anyhow::Result<String> {
-    let mut text = String::new();
-    for record in records {
-        text += &serde_json::to_string(record)?;
-        text.push('\n');
-    }
-    Ok(text)
-}
-
 /// Distinct values in order of first appearance.
 pub(crate) fn distinct<'a>(values: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let mut seen = Vec::new();
@@ -377,6 +367,7 @@ pub(crate) fn example() -> Record {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run_folder::json_lines;
 
     #[test]
     fn records_survive_a_trip_through_a_file() {
@@ -384,7 +375,7 @@ mod tests {
         any_hit.rays = "ao".into();
         any_hit.exact.steps = None;
         let records = [example(), any_hit];
-        let text = to_lines(&records).expect("plain data");
+        let text = json_lines(&records).expect("plain data");
         assert_eq!(text.lines().count(), 2, "one line each");
         assert!(
             !text.lines().nth(1).expect("two").contains("steps"),
@@ -395,7 +386,7 @@ mod tests {
 
     #[test]
     fn strange_lines_are_refused() {
-        let line = to_lines(&[example()]).expect("plain data");
+        let line = json_lines([example()]).expect("plain data");
         let other_schema = line.replace("\"schema\":1", "\"schema\":2");
         let refused = parse(&other_schema)
             .expect_err("another schema")

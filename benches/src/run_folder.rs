@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::Context as _;
+use serde::Serialize;
 
 /// The folder of the workspace's `Cargo.toml`.
 pub(crate) fn workspace_root() -> &'static Path {
@@ -134,6 +135,18 @@ pub(crate) fn write(path: &Path, contents: impl AsRef<[u8]>) -> anyhow::Result<(
     fs::write(&unfinished, contents)
         .and_then(|()| fs::rename(&unfinished, path))
         .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// One JSON object a line.
+pub(crate) fn json_lines<T: Serialize>(
+    values: impl IntoIterator<Item = T>,
+) -> anyhow::Result<String> {
+    let mut lines = String::new();
+    for value in values {
+        lines += &serde_json::to_string(&value)?;
+        lines.push('\n');
+    }
+    Ok(lines)
 }
 
 /// Writes the same contents to several files and prints their names.

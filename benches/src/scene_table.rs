@@ -8,7 +8,7 @@ use crate::arguments::at_least_one;
 use crate::environment::Environment;
 use crate::names::REFERENCE;
 use crate::rays::RayKind;
-use crate::record::{self, Record};
+use crate::record::Record;
 use crate::run_folder::{self, RunFolder};
 use crate::scenes::{self, Scene, SceneSource};
 use crate::session::Session;
@@ -97,7 +97,7 @@ impl SceneTableArgs {
             cells.extend(session.cells);
             problems.extend(session.problems);
             // After each scene, so that an interrupted run keeps its cells.
-            run_folder::write(&folder.records(), record::to_lines(&cells)?)?;
+            run_folder::write(&folder.records(), run_folder::json_lines(&cells)?)?;
         }
         let table = command.view.of(&cells);
         println!("{table}");

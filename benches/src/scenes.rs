@@ -125,6 +125,14 @@ pub(crate) fn choose_from(
     if let Some(folder) = folder {
         sources.extend(in_folder(folder)?);
     }
+    named(sources, names)
+}
+
+/// The scenes that are named, in their own order; all of them without names.
+pub(crate) fn named(
+    mut sources: Vec<SceneSource>,
+    names: &[String],
+) -> anyhow::Result<Vec<SceneSource>> {
     for (index, source) in sources.iter().enumerate() {
         if sources[..index]
             .iter()

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use kd::{Hit, KdTree, Ray, RayPacket8};
 use kd_trace::RayQuery;
 
-use crate::memory::{Taken, bytes_during};
+use crate::memory::bytes_during;
 use crate::record::Steps;
 
 /// How a list of rays is traced.
@@ -77,27 +77,6 @@ pub(crate) fn any<Q: RayQuery>(query: &Q, by: Manner, rays: &[Ray], occluded: &m
         }
     }
 }
-
-/// The first hits of a structure that has no query for them: another ray from just behind each closest hit. Of several hits
-/// at the same distance it finds one.
-pub(crate) fn restarted_hits(
-    query: &impl RayQuery<Hit = Hit>,
-    ray: &Ray,
-    max: usize,
-    out: &mut Vec<Hit>,
-) {
-    out.clear();
-    let mut rest = *ray;
-    while out.len() < max
-        && let Some(hit) = query.intersect(&rest)
-    {
-        out.push(hit);
-        rest.t_min = hit.t.next_up();
-    }
-}
-
-/// The number of hits of a ray that are compared with a rival's.
-pub(crate) const FIRST: usize = 4;
 
 /// A structure that counts no steps.
 pub(crate) struct Queried<Q> {
@@ -189,35 +168,27 @@ pub(crate) struct Built {
     pub(crate) peak_bytes: usize,
 }
 
-/// The result of a build, with its costs.
-#[derive(Debug)]
-pub(crate) struct Measured<T> {
-    value: T,
-    seconds: f64,
-    pub(crate) bytes: Taken,
-}
-
-impl<T> Measured<T> {
-    pub(crate) fn try_of<E>(build: impl FnOnce() -> Result<T, E>) -> Result<Self, E> {
+impl Built {
+    /// Runs `build`, the timed and counted part. `structure` wraps its result.
+    pub(crate) fn of<T, E, S: Structure + 'static>(
+        build: impl FnOnce() -> Result<T, E>,
+        structure: impl FnOnce(T) -> S,
+    ) -> Result<Self, E> {
         let start = Instant::now();
         let (value, bytes) = bytes_during(build);
         let seconds = start.elapsed().as_secs_f64();
         Ok(Self {
-            value: value?,
+            structure: Box::new(structure(value?)),
             seconds,
-            bytes,
+            peak_bytes: bytes.peak,
         })
     }
 
-    /// `structure` receives the value and the number of bytes that the build left allocated.
-    pub(crate) fn into_built<S: Structure + 'static>(
-        self,
-        structure: impl FnOnce(T, usize) -> S,
-    ) -> Built {
-        Built {
-            structure: Box::new(structure(self.value, self.bytes.kept)),
-            seconds: self.seconds,
-            peak_bytes: self.bytes.peak,
-        }
+    /// [`of`](Self::of) for a structure that counts no steps.
+    pub(crate) fn queried<Q: RayQuery<Hit = Hit> + Send + Sync + 'static, E>(
+        build: impl FnOnce() -> Result<Q, E>,
+        shape: impl Fn(&Q) -> Shape + Send + Sync + 'static,
+    ) -> Result<Self, E> {
+        Self::of(build, |query| Queried::new(query, shape))
     }
 }

@@ -14,7 +14,7 @@ use crate::environment::Environment;
 use crate::measure::{Repeats, timed_in_pairs};
 use crate::names::{BuilderName, LayoutName, REFERENCE, RIVAL, StructureName, Variant};
 use crate::rays::RayKind;
-use crate::record::{self, Exact, Record, Steps};
+use crate::record::{Exact, Record, Steps};
 use crate::report;
 use crate::run_folder::{self, RunFolder};
 use crate::scenes::{self, Scene, SceneSource};
@@ -80,16 +80,20 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "PROGRAM", requires = "peers")]
     native_build: Option<PathBuf>,
 
+    /// This is that program: measure only rivals in Rust
+    #[arg(long, hide = true)]
+    in_native_build: bool,
+
     /// Tiny scenes, few rays, one repeat, every builder: a check that the command works, in seconds
     #[arg(long)]
     smoke: bool,
 
     /// Also write the records to this file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", overrides_with = "json")]
     json: Option<PathBuf>,
 
     /// Where the folder of the run goes [default: target/bench of the workspace]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", overrides_with = "out")]
     out: Option<PathBuf>,
 }
 
@@ -148,13 +152,20 @@ pub(crate) fn run(arguments: &BenchArgs) -> anyhow::Result<bool> {
             sweep.problems.push(format!("{}: {why:#}", source.name));
         }
         // After each scene, so that an interrupted run keeps its records.
-        run_folder::write(&sweep.folder.records(), record::to_lines(&sweep.records)?)?;
+        run_folder::write(
+            &sweep.folder.records(),
+            run_folder::json_lines(&sweep.records)?,
+        )?;
     }
     sweep.progress.finish_and_clear();
-    if let Some(program) = &arguments.native_build {
+    if let Some(program) = &arguments.native_build
+        && !arguments.in_native_build
+    {
         println!("Rust rivals again, in {}", program.display());
-        let own = native::measure(program, arguments, &sweep.folder)?;
-        native::keep_better(&mut sweep.records, own);
+        if sweep.plan.variants.iter().any(native::measures) {
+            let own = native::measure(program, &sweep.folder)?;
+            native::keep_better(&mut sweep.records, own);
+        }
     }
     sweep.conclude(arguments)
 }
@@ -189,8 +200,10 @@ impl Plan {
         } else {
             &arguments.rays
         };
+        let mut variants = variants::choose(arguments)?;
+        variants.retain(|variant| !arguments.in_native_build || native::measures(variant));
         Ok(Self {
-            variants: variants::choose(arguments)?,
+            variants,
             baseline: if arguments.peers { RIVAL } else { REFERENCE },
             kinds: without_repeats(kinds),
             threads: arguments.threads,
@@ -315,7 +328,7 @@ impl Sweep {
     }
 
     fn conclude(self, arguments: &BenchArgs) -> anyhow::Result<bool> {
-        let lines = record::to_lines(&self.records)?;
+        let lines = run_folder::json_lines(&self.records)?;
         run_folder::write(&self.folder.records(), &lines)?;
         report::write(&self.folder, &self.records)?;
         let latest = self.folder.publish_as_latest()?;

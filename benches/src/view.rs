@@ -13,6 +13,7 @@ use serde_json::json;
 use crate::names::Variant;
 use crate::rays::RayKind;
 use crate::record::{self, Record, median};
+use crate::run_folder::json_lines;
 use crate::structure::Manner;
 use crate::text;
 
@@ -29,7 +30,7 @@ pub(crate) enum Goal {
 type Value = fn(&Record) -> f64;
 
 /// Values by name.
-const VALUES: [(&str, Value); 14] = [
+const VALUES: [(&str, Value); 16] = [
     ("speed", Record::trace_speed),
     ("time", Record::trace_ratio),
     ("build speed", Record::build_speed),
@@ -42,6 +43,7 @@ const VALUES: [(&str, Value); 14] = [
     ("over picture ms", |cell| {
         picture_ms(cell, &cell.timed.baseline_ns_per_ray)
     }),
+    ("Mray/s", |cell| 1e3 / cell.ns_per_ray()),
     ("cost", |cell| cell.exact.sah_cost_own),
     ("peak", |cell| cell.exact.peak_build_bytes as f64),
     ("peak per triangle", |cell| {
@@ -51,10 +53,14 @@ const VALUES: [(&str, Value); 14] = [
         per_triangle(cell, cell.exact.bytes_total)
     }),
     ("differ", |cell| cell.exact.mismatches as f64),
-    ("percent", |cell| {
-        1e-4 * cell.exact.disagreement_ppm.unwrap_or(0.0)
-    }),
+    ("percent", |cell| 1e2 * share(cell)),
+    ("share", share),
 ];
+
+/// The share of answers that differ.
+fn share(cell: &Record) -> f64 {
+    1e-6 * cell.exact.disagreement_ppm.unwrap_or(0.0)
+}
 
 /// Milliseconds of all rays.
 fn picture_ms(cell: &Record, nanoseconds: &[f64]) -> f64 {
@@ -296,7 +302,7 @@ impl View {
 }
 
 /// A row for each word of `{a,b}`, which takes the places of `{}`; the row itself without such a list.
-fn expanded(row: &str) -> Vec<String> {
+pub(crate) fn expanded(row: &str) -> Vec<String> {
     let list = row.split_once('{').and_then(|(start, rest)| {
         let (words, end) = rest.split_once('}')?;
         Some((start, words, end))
@@ -397,26 +403,22 @@ impl Row {
 impl Table {
     /// One JSON object for each row.
     pub(crate) fn to_lines(&self) -> anyhow::Result<String> {
-        let mut lines = String::new();
-        for row in &self.rows {
+        json_lines(self.rows.iter().map(|row| {
             let by_scene = self.scenes.iter().cloned().zip(row.values.iter().copied());
             let (sense, goal) = match row.goal {
                 Goal::AtMost(goal) => (Some("at most"), Some(goal)),
                 Goal::AtLeast(goal) => (Some("at least"), Some(goal)),
                 Goal::None => (None, None),
             };
-            let line = json!({
+            json!({
                 "row": row.name,
                 "value": row.value,
                 "goal": goal,
                 "sense": sense,
                 "met": row.is_met(),
                 "scenes": by_scene.collect::<BTreeMap<String, Option<f64>>>(),
-            });
-            lines += &serde_json::to_string(&line)?;
-            lines.push('\n');
-        }
-        Ok(lines)
+            })
+        }))
     }
 
     /// The row of a name, for tests here and in other modules.
@@ -476,6 +478,19 @@ pub(crate) fn cell(scene: &str, subject: &str, rays: &str, over: &str, time: f64
     (cell.timed.build_ms, cell.timed.baseline_build_ms) = (vec![time], vec![1.0]);
     (cell.timed.trace_ns_per_ray, cell.timed.baseline_ns_per_ray) = (vec![time], vec![1.0]);
     cell
+}
+
+/// The table of a view, in which these rows have the value and meet their goal or not, for tests here and in other modules.
+#[cfg(test)]
+pub(crate) fn table_with(view: &str, cells: &[Record], rows: &[(&str, f64, bool)]) -> Table {
+    let view = View::named(&[view], ("LAYOUT", "tree")).expect("valid");
+    let table = view.of(cells);
+    for (name, value, is_met) in rows {
+        let row = table.row(name);
+        assert!((row.of_all() - value).abs() < 1e-9, "{value}: {row:?}");
+        assert_eq!(row.is_met(), Some(*is_met), "{row:?}");
+    }
+    table
 }
 
 #[cfg(test)]

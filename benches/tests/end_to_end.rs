@@ -171,107 +171,95 @@ fn rivals_run_on_the_same_rays_and_agree() {
     assert_eq!(baselines.count(), records.lines().count(), "{records}");
 }
 
-#[cfg(feature = "peers")]
-#[test]
-fn the_table_of_builds_has_goals_and_growth() {
-    let out = tempfile::tempdir().expect("a folder");
-    let (runs, file) = (out.path().join("runs"), out.path().join("rows.jsonl"));
-    let (runs, file) = (runs.display().to_string(), file.display().to_string());
-    let call = [
-        ["builds", "--smoke", "--scene", "tetra,jacks"].as_slice(),
-        &["--samples", "1", "--growth=20000"],
-        &["--out", &runs, "--json", &file],
-    ];
-    let Some(printed) = with_rivals(&call.concat()) else {
-        return;
-    };
-    for part in ["tetra-4", "≤ 0.8", "tetra best", "growth.svg"] {
-        assert!(printed.contains(part), "{part} in\n{printed}");
-    }
-    let rows = fs::read_to_string(file).expect("written");
-    assert!(
-        rows.contains("\"row\":\"trees that differ") && rows.contains("\"growth\":\"tetra\""),
-        "{rows}"
-    );
-}
-
-#[cfg(feature = "peers")]
-#[test]
-fn the_table_of_rays_has_goals_and_disagreements_of_embree() {
-    let out = tempfile::tempdir().expect("a folder");
-    let (runs, file) = (out.path().join("runs"), out.path().join("rows.jsonl"));
-    let (runs, file) = (runs.display().to_string(), file.display().to_string());
-    let call = [
-        ["rays", "--smoke", "--scene", "tetra,jacks"].as_slice(),
-        &["--samples", "1", "--ray-limit", "512"],
-        &["--out", &runs, "--json", &file],
-    ];
-    let Some(printed) = with_rivals(&call.concat()) else {
-        return;
-    };
-    for part in [
-        "tetra-4",
-        "≥ 1.3",
-        "first 4 hits / Embree with a filter",
-        "Embree finds differently: tetra-4 ",
-        "rays.jsonl",
-    ] {
-        assert!(printed.contains(part), "{part} in\n{printed}");
-    }
-    let rows = fs::read_to_string(file).expect("written");
-    let batches = rows.lines().find(|row| row.contains("ao batch"));
-    assert!(
-        batches.is_some_and(|row| row.contains("\"met\":null")),
-        "no scene is large: {rows}"
-    );
-}
-
-/// Every command that measures, on tiny scenes; those of rivals where Embree is installed.
+/// Every command that measures, on tiny scenes, with texts that it prints and one in its rows; those of rivals where Embree is
+/// installed.
 #[test]
 fn commands_work_on_tiny_scenes() {
     let out = tempfile::tempdir().expect("a folder");
     let file = |name: &str| out.path().join(name).display().to_string();
-    #[cfg(feature = "peers")]
-    let runs = file("runs");
-    let commands = [
+    let commands: &[(&str, &[&str], &str)] = &[
         (
-            vec!["merges"],
-            "partition trees: updates in the time of `best`",
+            "merges",
+            &["partition trees: updates in the time of `best`"],
+            "\"met\"",
         ),
-        (vec!["paper", "merge-table"], "auto: update, ms"),
-        (vec!["paper", "merge-table", "--growth"], "merge ms"),
-        (vec!["paper", "merge-table", "--rendered"], "Mray/s"),
-        #[cfg(feature = "peers")]
         (
-            vec!["paper", "merge-table", "--peers"],
-            "Embree refit: trace, ms",
+            "paper merge-table",
+            &["auto: update, ms"],
+            "\"strategy\":\"dual\"",
         ),
-        #[cfg(feature = "peers")]
+        ("paper merge-table --growth", &["merge ms"], "\"still\""),
         (
-            vec!["paper", "merge-table", "--rendered", "--peers"],
-            "tracing by Embree / ours",
+            "paper merge-table --rendered",
+            &["Mray/s"],
+            "\"tracing_ms\"",
         ),
-        #[cfg(feature = "peers")]
         (
-            vec!["structures", "--scene", "jacks", "--out", &runs],
-            "bvh/objects/wide / obvhs",
+            "paper grid-table",
+            &["chosen among all"],
+            "\"critical_rays\"",
         ),
     ];
-    for (number, (call, part)) in commands.into_iter().enumerate() {
+    let of_rivals: &[(&str, &[&str], &str)] = &[
+        (
+            "paper merge-table --peers",
+            &["Embree refit: trace, ms"],
+            "\"embree_refit_packets_ms\"",
+        ),
+        (
+            "paper merge-table --rendered --peers",
+            &["tracing by Embree / ours"],
+            "\"tracing_over_ours\"",
+        ),
+        (
+            "structures --scene jacks --out RUNS",
+            &["bvh/objects/wide / obvhs"],
+            "\"met\"",
+        ),
+        (
+            "builds --scene tetra,jacks --growth=20000 --out RUNS",
+            &[
+                "tetra-4",
+                "≤ 0.8",
+                "tetra best",
+                "growth.svg",
+                "trees that differ",
+            ],
+            "\"growth\":\"tetra\"",
+        ),
+        (
+            "rays --scene tetra,jacks --ray-limit 512 --out RUNS",
+            &[
+                "tetra-4",
+                "≥ 1.3",
+                "first 4 hits / Embree with a filter",
+                "differently: tetra-4 ",
+                "rays.jsonl",
+            ],
+            // No scene is large.
+            "\"met\":null,\"row\":\"ao batch",
+        ),
+    ];
+    let of_rivals = of_rivals.iter().filter(|_| cfg!(feature = "peers"));
+    let runs = file("runs");
+    for (number, (call, parts, field)) in commands.iter().chain(of_rivals).enumerate() {
         let rows = file(&number.to_string());
+        let words = call
+            .split(' ')
+            .map(|word| if word == "RUNS" { &runs } else { word });
         let smoke = ["--smoke", "--samples", "1", "--json", &rows];
-        let output = kd_bench(&[&call[..], &smoke].concat());
-        let (printed, complained) = (
-            String::from_utf8_lossy(&output.stdout),
-            String::from_utf8_lossy(&output.stderr),
-        );
+        let output = kd_bench(&words.chain(smoke).collect::<Vec<_>>());
+        let printed = String::from_utf8_lossy(&output.stdout);
+        let complained = String::from_utf8_lossy(&output.stderr);
         if complained.contains("Embree 3 cannot be opened") {
             continue;
         }
-        assert_eq!(output.status.code(), Some(0), "{call:?}: {complained}");
-        assert!(printed.contains(part), "{call:?}: {part} in\n{printed}");
+        assert_eq!(output.status.code(), Some(0), "{call}: {complained}");
+        for part in *parts {
+            assert!(printed.contains(part), "{call}: {part} in\n{printed}");
+        }
         let rows = fs::read_to_string(rows).expect("written");
-        assert!(!rows.is_empty(), "{call:?}");
+        assert!(rows.contains(field), "{call}: {field} in\n{rows}");
         for row in rows.lines() {
             let _: serde_json::Value = serde_json::from_str(row).expect("JSON lines");
         }

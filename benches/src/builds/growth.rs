@@ -12,6 +12,7 @@ use crate::arguments::name_of;
 use crate::environment::Environment;
 use crate::names::{BuilderName, LayoutName, Variant};
 use crate::plots::{Axis, XyPlot};
+use crate::run_folder::json_lines;
 use crate::session::Session;
 use crate::text;
 use crate::view::geometric_mean;
@@ -129,18 +130,14 @@ impl Growth {
 
     /// One JSON object for each line.
     pub(super) fn to_lines(&self) -> anyhow::Result<String> {
-        let mut lines = String::new();
-        for line in &self.0 {
-            let line = json!({
+        json_lines(self.0.iter().map(|line| {
+            json!({
                 "growth": line.kind.name(),
                 "preset": line.preset,
                 "points": line.points,
                 "met": line.is_within_goal(),
-            });
-            lines += &serde_json::to_string(&line)?;
-            lines.push('\n');
-        }
-        Ok(lines)
+            })
+        }))
     }
 }
 

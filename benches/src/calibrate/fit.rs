@@ -62,23 +62,14 @@ fn r_squared(equations: &[Equation], costs: &[f64; TERMS]) -> f64 {
     1.0 - squares(&|e| predicted(e, costs) - e.total) / squares(&|e| e.total - mean)
 }
 
-/// The best solution in which some costs are zero and the others positive: one for each subset of the terms, all of which are
-/// tried.
-fn non_negative(equations: &[Equation]) -> Option<[f64; TERMS]> {
-    if equations.is_empty() {
-        return None;
-    }
-    let loss =
-        |costs: &[f64; TERMS]| -> f64 { equations.iter().map(|e| error(e, costs).powi(2)).sum() };
-    (1_u32..1 << TERMS)
-        .filter_map(|subset| least_squares(equations, subset))
-        .filter(|costs| costs.iter().all(|cost| *cost >= 0.0))
-        .min_by(|a, b| loss(a).total_cmp(&loss(b)))
-}
+/// Upper limit of passes over the terms, and the relative change of a cost in the last pass.
+const PASSES: usize = 1_000_000;
+const CHANGE: f64 = 1e-13;
 
-/// Ordinary least squares of relative errors over a subset of the terms, the others zero, by the normal equations.
-/// `None` if they have no single solution.
-fn least_squares(equations: &[Equation], subset: u32) -> Option<[f64; TERMS]> {
+/// Least squares of relative errors without negative costs: each cost in turn gets its best value at the present others, or 0
+/// (the projected Gauss-Seidel method on the normal equations; C. Cryer: *The Solution of a Quadratic Programming Problem Using
+/// Systematic Overrelaxation*, 1971).
+fn non_negative(equations: &[Equation]) -> Option<[f64; TERMS]> {
     let mut matrix = [[0.0; TERMS]; TERMS];
     let mut right = [0.0; TERMS];
     for equation in equations {
@@ -90,37 +81,20 @@ fn least_squares(equations: &[Equation], subset: u32) -> Option<[f64; TERMS]> {
             }
         }
     }
-    for i in (0..TERMS).filter(|i| subset & (1 << i) == 0) {
-        right[i] = 0.0;
-        for row in &mut matrix {
-            row[i] = 0.0;
+    let mut costs = [0.0; TERMS];
+    for _ in 0..PASSES {
+        let before = costs;
+        // A term that never occurs costs nothing.
+        for i in (0..TERMS).filter(|i| matrix[*i][*i] > 0.0) {
+            let product: f64 = matrix[i].iter().zip(&costs).map(|(a, b)| a * b).sum();
+            costs[i] = f64::max(0.0, costs[i] + (right[i] - product) / matrix[i][i]);
         }
-        matrix[i] = [0.0; TERMS];
-        matrix[i][i] = 1.0;
-    }
-    solved(matrix, right)
-}
-
-/// Gaussian elimination; the matrix is symmetric and not negative, so the diagonal gives the pivots.
-fn solved(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> Option<[f64; TERMS]> {
-    for pivot in 0..TERMS {
-        let scale = matrix[pivot][pivot];
-        if scale <= 1e-12 {
-            return None;
-        }
-        for row in (0..TERMS).filter(|row| *row != pivot) {
-            let factor = matrix[row][pivot] / scale;
-            let pivot_row = matrix[pivot];
-            for (value, above) in matrix[row].iter_mut().zip(pivot_row) {
-                *value -= factor * above;
-            }
-            right[row] -= factor * right[pivot];
+        let mut pairs = costs.iter().zip(before);
+        if pairs.all(|(cost, before)| (cost - before).abs() <= CHANGE * cost) {
+            break;
         }
     }
-    for (i, value) in right.iter_mut().enumerate() {
-        *value /= matrix[i][i];
-    }
-    Some(right)
+    (!equations.is_empty()).then_some(costs)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use clap::ValueEnum as _;
 use kd::{CostModel, KdTree};
 use serde::Serialize;
 
-use super::{Workload, build, seconds, with};
+use super::{Grouped, build, seconds, with};
 use crate::arguments::name_of;
 use crate::rays::RayKind;
 use crate::text;
@@ -31,7 +31,7 @@ pub(super) struct Comparison {
 
 /// Traces all groups in the tree of each model and in that of the fitted one, in turns.
 pub(super) fn compare(
-    workloads: &[Workload],
+    workloads: &[Grouped],
     intersect: f64,
     samples: usize,
 ) -> anyhow::Result<Vec<Comparison>> {
@@ -67,7 +67,7 @@ pub(super) fn compare(
     Ok(compared.map(comparison).collect())
 }
 
-impl Workload {
+impl Grouped {
     /// The time of each kind of rays over the baseline's. The two take turns, and of each group the fastest pass counts: an
     /// interruption of a pass on a busy machine does not repeat at the same group.
     fn ratios(&self, tree: &KdTree, baseline: &KdTree, samples: usize) -> Vec<(RayKind, f64)> {

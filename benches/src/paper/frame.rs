@@ -1,9 +1,14 @@
 //! A measured frame of *kd-tree merging*, and the paper's table of ten.
+//!
+//! `frames.toml` declares the columns of tables of frames and the fields of their records.
 
-use anyhow::Context as _;
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, ensure};
+use serde_json::{Map, Value};
 
 use crate::record::Record;
-use crate::view;
+use crate::{text, view};
 
 /// The paper's Table 4.1: frame, and milliseconds of the copy of the static tree, the dynamic tree, the merge, the rays; of the
 /// rebuild, its rays.
@@ -36,15 +41,23 @@ impl Frame {
         view::value(&self.cells, expression).with_context(|| self.label.clone())
     }
 
-    pub(super) fn values<const N: usize>(
+    /// The fields of a list of `frames.toml` that have cells, after replacements of words.
+    pub(super) fn fields(
         &self,
-        expressions: [&str; N],
-    ) -> anyhow::Result<[f64; N]> {
-        let mut values = [0.0; N];
-        for (value, expression) in values.iter_mut().zip(expressions) {
-            *value = self.value(expression)?;
+        list: &str,
+        replace: &[(&str, &str)],
+    ) -> anyhow::Result<Map<String, Value>> {
+        let mut fields = Map::new();
+        for parts in declared(list)? {
+            let mut expression = parts[1].clone();
+            for (from, to) in replace {
+                expression = expression.replace(from, to);
+            }
+            if let Ok(value) = self.value(&expression) {
+                fields.insert(parts[0].clone(), value.into());
+            }
         }
-        Ok(values)
+        Ok(fields)
     }
 
     /// The row of the paper's table, if the paper has the scene.
@@ -52,6 +65,57 @@ impl Frame {
         let found = SEED.iter().find(|(row, _)| row.to_string() == self.label);
         found.filter(|_| self.scene == "bart_kitchen").copied()
     }
+}
+
+/// The items of a list of `frames.toml`, in their parts.
+fn declared(list: &str) -> anyhow::Result<Vec<Vec<String>>> {
+    let lists: BTreeMap<String, Vec<String>> = toml::from_str(include_str!("../../frames.toml"))?;
+    let items = lists
+        .get(list)
+        .with_context(|| format!("frames.toml: no list {list}"))?;
+    let items = items.iter().flat_map(|item| view::expanded(item));
+    let parts = |item: String| item.split('|').map(|part| part.trim().to_owned()).collect();
+    Ok(items.map(parts).collect())
+}
+
+/// A table of milliseconds: the columns of lists of `frames.toml`, and those of the paper if it has a frame.
+pub(super) fn times<const N: usize>(
+    frames: &[Frame],
+    lists: &[&str],
+    names: [&str; N],
+    seed: fn(&Frame) -> Option<[f64; N]>,
+) -> anyhow::Result<String> {
+    let columns: Vec<Vec<Vec<String>>> = lists
+        .iter()
+        .map(|list| declared(list))
+        .collect::<Result<_, _>>()?;
+    let columns = columns.concat();
+    ensure!(
+        columns.iter().all(|parts| parts.len() == 3),
+        "title | value | decimals"
+    );
+    let mut head = vec!["row".to_owned(), "frame".to_owned()];
+    head.extend(columns.iter().map(|parts| parts[0].clone()));
+    if frames.iter().any(|frame| frame.seed().is_some()) {
+        head.extend(names.map(|name| format!("paper {name}")));
+    }
+    let mut table = text::empty_table(head);
+    for frame in frames {
+        let mut cells = vec![frame.label.clone(), frame.number.to_string()];
+        for parts in &columns {
+            let decimals = parts[2].parse()?;
+            cells.push(format!("{:.*}", decimals, frame.value(&parts[1])?));
+        }
+        cells.extend(
+            seed(frame)
+                .into_iter()
+                .flatten()
+                .map(|ms| format!("{ms:.0}")),
+        );
+        table.add_row(cells);
+    }
+    text::align_right(&mut table, 1);
+    Ok(format!("milliseconds\n{table}"))
 }
 
 /// The cells of all frames.

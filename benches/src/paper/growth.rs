@@ -1,10 +1,9 @@
 //! The time of an update as the static scene grows, with the moving object apart from it.
 
 use std::hint::black_box;
-use std::sync::Arc;
 use std::time::Instant;
 
-use kd::{BuildOptions, MergeMethod, Scene, Strategy};
+use kd::{BuildOptions, MergeMethod, Strategy};
 use serde_json::json;
 
 use super::PaperArgs;
@@ -32,16 +31,14 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     let environment = Environment::detect();
     let updates = 4 * arguments.samples + 1;
     let mut table = text::empty_table(["static", "moving", "merge ms", "auto ms"]);
-    let mut lines = String::new();
+    let mut lines = Vec::new();
     for size in sizes {
         let animation = Animation::with_object(*size, |_| MOVING)?;
         let (fixed, moving) = (animation.fixed.len(), animation.groups[0].len());
         let mut session = Session::new(&environment, &animation.name, fixed + moving, updates);
         for (name, strategy) in WAYS {
-            let mut scene = Scene::new(BuildOptions::fast().with_threads(1));
-            scene.set_strategy(strategy);
-            scene.add_static(Arc::clone(&animation.fixed))?;
-            let parts = [scene.add_dynamic(Arc::clone(&animation.groups[0]))?];
+            let options = BuildOptions::fast().with_threads(1);
+            let (mut scene, parts) = animation.scene(options, strategy)?;
             let mut update = || -> anyhow::Result<f64> {
                 let start = Instant::now();
                 animation.set(&mut scene, &parts, 0)?;
@@ -51,24 +48,18 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
             // The first one builds the static tree.
             update()?;
             let own: Result<Vec<f64>, _> = (0..updates).map(|_| update()).collect();
-            let pairs = Pairs {
-                own: own?,
-                baseline: Vec::new(),
-            };
-            session.add_build(&format!("scene/{name}/frame"), "", &pairs);
+            session.add_build(&format!("scene/{name}/frame"), "", &Pairs::alone(own?));
         }
         let ms: Vec<f64> = session.cells.iter().map(|cell| cell.build_ms()).collect();
         let counts = [fixed.to_string(), moving.to_string()].into_iter();
         table.add_row(counts.chain(ms.iter().map(|ms| format!("{ms:.3}"))));
-        let line = json!({
+        lines.push(json!({
             "table": "merge-table", "row": "growth", "still": fixed, "moving": moving,
             "merge_ms": ms[0], "auto_ms": ms[1],
-        });
-        lines += &serde_json::to_string(&line)?;
-        lines.push('\n');
+        }));
     }
     text::align_right(&mut table, 0);
     println!("{table}\none thread, medians of {updates} updates");
-    run_folder::write_all([arguments.json.clone()], lines)?;
+    run_folder::write_all([arguments.json.clone()], run_folder::json_lines(lines)?)?;
     Ok(true)
 }

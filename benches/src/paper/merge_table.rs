@@ -10,7 +10,7 @@ use kd::grid::{GridOptions, UniformGrid};
 use kd::select::Structure as Kind;
 use kd::{Accel, BuildOptions, KdTree, LazyTree, MergeMethod, Mesh, PartId, Scene, Strategy};
 use kd_trace::WideTree;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::PaperArgs;
 use super::frame::{self, Frame};
@@ -20,8 +20,10 @@ use crate::check::Answers;
 use crate::environment::Environment;
 use crate::measure::{Pairs, Repeats, seconds, timed_in_pairs};
 use crate::names::{BuilderName, LayoutName, Variant};
-use crate::peers::{self, FOLLOWING};
+use crate::peers::{self, FOLLOWING, OfRival};
 use crate::plots::{Axis, XyPlot};
+use crate::record::Record;
+use crate::run_folder::json_lines;
 use crate::session::Session;
 use crate::structure::{Queried, Shape, Structure};
 use crate::view::{self, View, minimum};
@@ -111,7 +113,12 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
             problems.extend(session.problems);
         }
         ensure!(!frames.is_empty(), "no such row");
-        println!("{}", times(&frames)?);
+        let paper = ["copy", "dynamic", "merge", "trace", "rebuild", "trace"];
+        let seed = |frame: &Frame| frame.seed().map(|(_, ms)| ms);
+        println!(
+            "{}",
+            frame::times(&frames, &["merge-table-columns"], paper, seed)?
+        );
         let all = frame::cells(&frames);
         let views: &[&str] = if arguments.peers {
             &["merge-table", "merge-table-peers"]
@@ -173,13 +180,8 @@ impl<'a> Bench<'a> {
         let rays = Mirrors::new(&best, animation.camera(frame), animation.light, limit);
         let mut scenes = Vec::new();
         for (_, strategy) in WAYS {
-            let mut scene = Scene::new(options(BuilderName::Best));
-            scene.set_strategy(strategy);
+            let (mut scene, parts) = animation.scene(options(BuilderName::Best), strategy)?;
             scene.set_ray_budget(rays.of_whole_picture() as u64);
-            scene.add_static(Arc::clone(&animation.fixed))?;
-            let groups = animation.groups.iter();
-            let parts = groups.map(|mesh| scene.add_dynamic(Arc::clone(mesh)));
-            let parts = parts.collect::<Result<Vec<_>, _>>()?;
             animation.set(&mut scene, &parts, animation.before(frame))?;
             scene.commit()?;
             scenes.push((scene, parts));
@@ -223,6 +225,7 @@ impl<'a> Bench<'a> {
             );
         }
         self.objects(session)?;
+        parts_of_updates(session)?;
         self.lazy(session)?;
         self.grid(session)?;
         self.copy(session)?;
@@ -345,11 +348,8 @@ impl<'a> Bench<'a> {
     fn copy(&self, session: &mut Session<'_>) -> anyhow::Result<()> {
         let tree = kd::custom::build(&*self.animation.fixed, &options(BuilderName::Best))?;
         let copies = (0..session.repeats.pairs).map(|_| seconds(|| anyhow::Ok(tree.clone())));
-        let pairs = Pairs {
-            own: copies.collect::<Result<_, _>>()?,
-            baseline: Vec::new(),
-        };
-        session.add_build(COPY, "", &pairs);
+        let copies = Pairs::alone(copies.collect::<Result<_, _>>()?);
+        session.add_build(COPY, "", &copies);
         Ok(())
     }
 
@@ -358,26 +358,27 @@ impl<'a> Bench<'a> {
         let now = self.animation.moved(self.frame)?;
         let [before, now] = [before, now].map(|meshes| Mesh::concatenated(&meshes));
         let (before, now) = (before?, now?);
-        for following in FOLLOWING {
-            let mut rival = peers::following(following, [&*self.animation.fixed, &before])?;
+        for (name, following) in FOLLOWING {
+            let mut rival = following.build(&self.animation.fixed, &before)?;
             let mut update = || -> anyhow::Result<f64> {
                 rival.update(before.positions())?;
-                seconds(|| rival.update(now.positions()))
+                seconds(|| Ok(rival.update(now.positions())?))
             };
             for number in [0, 1] {
                 let repeats = session.repeats;
                 let pairs = timed_in_pairs(repeats, &mut update, || self.update(number))?;
-                session.add_build(&way(WAYS[number].0), &embree(following), &pairs);
+                session.add_build(&way(WAYS[number].0), &embree(name), &pairs);
             }
-            let found = self.rays.answers(rival.structure());
+            let traced = OfRival::new(Box::new(rival.structure()));
+            let found = self.rays.answers(&traced);
             let ppm = disagreement_ppm(&self.expected, &found, true);
             if ppm > 1000.0 {
                 let scene = &session.scene;
-                let problem = format!("{scene}, Embree {following}: {ppm:.0} ppm of rays disagree");
+                let problem = format!("{scene}, Embree {name}: {ppm:.0} ppm of rays disagree");
                 session.problems.push(problem);
             }
             let together = [Together::None, Together::Coherent];
-            self.trace(session, &embree(following), rival.structure(), together);
+            self.trace(session, &embree(name), &traced, together);
         }
         self.totals(session)
     }
@@ -390,7 +391,7 @@ impl<'a> Bench<'a> {
         ] {
             let total =
                 |expression: &str| view::value(&session.cells, &expression.replace("RAYS", rays));
-            let theirs = FOLLOWING.map(|way| total(&ITS_TOTAL.replace("WAY", way)));
+            let theirs = FOLLOWING.map(|(way, _)| total(&ITS_TOTAL.replace("WAY", way)));
             let theirs: anyhow::Result<Vec<f64>> = theirs.into_iter().collect();
             let pairs = Pairs {
                 own: vec![1e-3 * total(OUR_TOTAL)?],
@@ -407,95 +408,33 @@ const OUR_TOTAL: &str =
     "ms: scene/auto/frame;; kd/best/wide + picture ms: scene/auto/frame; RAYS; kd/best/wide";
 const ITS_TOTAL: &str = "over ms: scene/auto/frame;; embree/WAY/moving + picture ms: embree/WAY/moving; RAYS; kd/best/wide";
 
+/// Whether an update builds the trees of the moving parts.
+fn builds_objects(way: &str) -> bool {
+    matches!(way, "merge" | "dual")
+}
+
+/// Cells of the parts of updates, as the paper divides them: a copy, the moving trees, the merge.
+fn parts_of_updates(session: &mut Session<'_>) -> anyhow::Result<()> {
+    const OBJECTS: &str = "build time: bvh/objects/wide;; scene/merge/frame";
+    const UPDATE: &str = "ms: scene/WAY/frame;; kd/best/wide";
+    let update = |cells: &[Record], way: &str| view::value(cells, &UPDATE.replace("WAY", way));
+    let objects = view::value(&session.cells, OBJECTS)? * update(&session.cells, MERGE)?;
+    for (way, _) in WAYS {
+        let dynamic = if builds_objects(way) { objects } else { 0.0 };
+        let merge = update(&session.cells, way)? - dynamic;
+        for (part, ms) in [("copy", 0.0), ("dynamic", dynamic), ("merge", merge)] {
+            let part = format!("scene/{way}/{part}");
+            session.add_build(&part, "", &Pairs::alone(vec![1e-3 * ms]));
+        }
+    }
+    Ok(())
+}
+
 fn build_seconds(mesh: &Arc<Mesh>, builder: BuilderName) -> anyhow::Result<f64> {
     seconds(|| Ok(KdTree::build(Arc::clone(mesh), &options(builder))?))
 }
 
-/// Figures of a frame by merging.
-const DYNAMIC: &str = "build time: bvh/objects/wide;; scene/merge/frame";
-const REBUILD: &str = "over ms: scene/merge/frame;; kd/BUILDER/wide";
-const BEST_TRACE: &str = "over picture ms: scene/*/frame; mirrors; kd/best/wide";
-
-/// Fields of the record of each way `WAY`, beside those that [`Frame::line`] adds.
-const FIELDS: [(&str, &str); 20] = [
-    ("still_copy_ms", "ms: kd/best/copy"),
-    (
-        "trace_ms",
-        "picture ms: scene/WAY/frame; mirrors; kd/best/wide",
-    ),
-    (
-        "trace_batch_ms",
-        "picture ms: scene/WAY/frame; mirrors-batch; kd/best/wide",
-    ),
-    (
-        "trace_over_best",
-        "time: scene/WAY/frame; mirrors; kd/best/wide",
-    ),
-    (
-        "rebuild_best_ms",
-        "over ms: scene/merge/frame;; kd/best/wide",
-    ),
-    (
-        "rebuild_balanced_ms",
-        "over ms: scene/merge/frame;; kd/balanced/wide",
-    ),
-    (
-        "rebuild_fast_ms",
-        "over ms: scene/merge/frame;; kd/fast/wide",
-    ),
-    ("rebuild_trace_ms", BEST_TRACE),
-    ("grid_build_ms", "ms: grid/exact/own;; scene/auto/frame"),
-    (
-        "grid_build_over_auto_update",
-        "build time: grid/exact/own;; scene/auto/frame",
-    ),
-    (
-        "grid_trace_over_best",
-        "time: grid/exact/own; mirrors; kd/best/wide",
-    ),
-    (
-        "embree_rebuild_update_ms",
-        "over ms: scene/auto/frame;; embree/rebuild/moving",
-    ),
-    (
-        "embree_rebuild_trace_ms",
-        "picture ms: embree/rebuild/moving; mirrors; kd/best/wide",
-    ),
-    (
-        "embree_rebuild_packets_ms",
-        "picture ms: embree/rebuild/moving; mirrors-batch; kd/best/wide",
-    ),
-    (
-        "embree_medium_update_ms",
-        "over ms: scene/auto/frame;; embree/medium/moving",
-    ),
-    (
-        "embree_medium_trace_ms",
-        "picture ms: embree/medium/moving; mirrors; kd/best/wide",
-    ),
-    (
-        "embree_medium_packets_ms",
-        "picture ms: embree/medium/moving; mirrors-batch; kd/best/wide",
-    ),
-    (
-        "embree_refit_update_ms",
-        "over ms: scene/auto/frame;; embree/refit/moving",
-    ),
-    (
-        "embree_refit_trace_ms",
-        "picture ms: embree/refit/moving; mirrors; kd/best/wide",
-    ),
-    (
-        "embree_refit_packets_ms",
-        "picture ms: embree/refit/moving; mirrors-batch; kd/best/wide",
-    ),
-];
-
 impl Frame {
-    fn update_ms(&self, way: &str) -> anyhow::Result<f64> {
-        self.value(&format!("ms: scene/{way}/frame;; kd/best/wide"))
-    }
-
     /// One JSON object for each way.
     fn to_lines(&self) -> anyhow::Result<String> {
         let seed = self.seed().map_or(Value::Null, |(frame, ms)| {
@@ -504,88 +443,21 @@ impl Frame {
                 "rebuild_ms": ms[4], "rebuild_trace_ms": ms[5],
             })
         });
-        let line = |(way, _): &(&str, Strategy)| -> anyhow::Result<String> {
-            let ours = self.fields(way)?;
-            let line = json!({
-                "table": "merge-table", "row": self.label, "seed": seed, "ours": ours,
-            });
-            Ok(serde_json::to_string(&line)? + "\n")
-        };
-        WAYS.iter().map(line).collect()
-    }
-
-    fn fields(&self, way: &str) -> anyhow::Result<Map<String, Value>> {
-        let builds = matches!(way, "merge" | "dual");
-        let dynamic_ms = if builds {
-            self.value(DYNAMIC)? * self.update_ms(MERGE)?
-        } else {
-            0.0
-        };
-        let own = json!({
-            "scene": self.scene, "frame": self.number, "strategy": way, "copy_ms": 0.0,
-            "dynamic_ms": dynamic_ms, "merge_ms": self.update_ms(way)? - dynamic_ms,
-        });
-        let Value::Object(mut fields) = own else {
-            unreachable!("an object");
-        };
-        let its = if builds {
-            "embree_medium"
-        } else {
-            "embree_refit"
-        };
-        for (field, expression) in FIELDS {
-            let Ok(value) = self.value(&expression.replace("WAY", way)) else {
-                // Embree was not measured.
-                continue;
+        let line = |(way, _): (&str, Strategy)| -> anyhow::Result<Value> {
+            let its = if builds_objects(way) {
+                "medium"
+            } else {
+                "refit"
             };
-            if let Some(what) = field
-                .strip_prefix(its)
-                .filter(|what| *what != "_packets_ms")
-            {
-                fields.insert(format!("embree{what}"), value.into());
-            }
-            fields.insert(field.to_owned(), value.into());
-        }
-        Ok(fields)
+            let mut ours = self.fields("merge-table-fields", &[("WAY", way), ("ITS", its)])?;
+            ours.insert("scene".into(), self.scene.as_str().into());
+            ours.insert("frame".into(), self.number.into());
+            ours.insert("strategy".into(), way.into());
+            Ok(json!({ "table": "merge-table", "row": self.label, "seed": seed, "ours": ours }))
+        };
+        let lines: anyhow::Result<Vec<Value>> = WAYS.into_iter().map(line).collect();
+        json_lines(lines?)
     }
-
-    fn times(&self) -> anyhow::Result<Vec<String>> {
-        let update = self.update_ms(MERGE)?;
-        let dynamic = self.value(DYNAMIC)? * update;
-        let mut cells = vec![self.label.clone(), self.number.to_string(), "0".into()];
-        cells.extend([dynamic, update - dynamic].map(|ms| format!("{ms:.2}")));
-        let rebuild = |builder: &str| self.value(&REBUILD.replace("BUILDER", builder));
-        let trace = self.value("picture ms: scene/merge/frame; mirrors; kd/best/wide")?;
-        let best_trace = self.value(BEST_TRACE)?;
-        let others = [
-            trace,
-            rebuild("best")?,
-            best_trace,
-            rebuild("balanced")?,
-            rebuild("fast")?,
-        ];
-        cells.extend(others.map(|ms| format!("{ms:.0}")));
-        if let Some((_, seed)) = self.seed() {
-            cells.extend(seed.map(|ms| format!("{ms:.0}")));
-        }
-        Ok(cells)
-    }
-}
-
-/// Milliseconds, beside those of the paper.
-fn times(frames: &[Frame]) -> anyhow::Result<String> {
-    let ours = "row frame copy dynamic merge trace best trace balanced fast";
-    let mut head: Vec<String> = ours.split(' ').map(String::from).collect();
-    if frames.iter().any(|frame| frame.seed().is_some()) {
-        let seed = "copy dynamic merge trace rebuild trace".split(' ');
-        head.extend(seed.map(|name| format!("paper {name}")));
-    }
-    let mut table = text::empty_table(head);
-    for frame in frames {
-        table.add_row(frame.times()?);
-    }
-    text::align_right(&mut table, 1);
-    Ok(format!("milliseconds\n{table}"))
 }
 
 /// By row: updates in milliseconds, and times of rays over `best` in percent.

@@ -1,16 +1,14 @@
 //! The rays of a small ray tracer in a world of mirrors: a picture, two reflections of it, and from every visible point a ray to
 //! the light. (The workload of Table 4.1 of *kd-tree merging*: one light, two bounces.)
 
-use std::hint::black_box;
 use std::sync::Mutex;
-use std::time::Instant;
 
 use kd::glam::Vec3;
 use kd::{FrameData, Hit, KdTree, PartId, Ray};
 use kd_scene::Camera;
 
+use super::batches::Batches;
 use crate::check::{Answers, are_close};
-use crate::measure;
 use crate::rays::{self, RayKind, SurfacePoint};
 use crate::structure::{Manner, Shape, Structure, any, closest};
 
@@ -22,8 +20,7 @@ const BOUNCES: usize = 2;
 /// The rays of a frame.
 #[derive(Debug)]
 pub(super) struct Mirrors {
-    /// In the order of tracing; the kind says whether any hit is enough.
-    batches: Vec<(RayKind, Vec<Ray>)>,
+    batches: Batches,
     /// Rays of the whole picture for each of these.
     scale: f64,
 }
@@ -59,11 +56,14 @@ impl Mirrors {
             let seen = std::mem::replace(&mut closest, mirrored);
             batches.extend([(RayKind::Primary, seen), (RayKind::Shadow, shadow)]);
         }
-        Self { batches, scale }
+        Self {
+            batches: Batches(batches),
+            scale,
+        }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.batches.iter().map(|(_, rays)| rays.len()).sum()
+        self.batches.len()
     }
 
     /// The approximate number of rays of the whole picture.
@@ -79,30 +79,17 @@ impl Mirrors {
 
     /// The answers, one ray at a time.
     pub(super) fn answers(&self, structure: &dyn Structure) -> Vec<Answers> {
-        let answer = |(kind, rays): &(RayKind, Vec<Ray>)| {
-            let mut answers = Answers::none(*kind, rays.len());
-            measure::trace(structure, Manner::Single, rays, &mut answers, 1);
-            answers
-        };
-        self.batches.iter().map(answer).collect()
+        self.batches.trace(structure, |_| Manner::Single).1
     }
 
     /// Seconds to trace everything.
     pub(super) fn seconds(&self, structure: &dyn Structure, together: Together) -> f64 {
-        let mut seconds = 0.0;
-        for (number, (kind, rays)) in self.batches.iter().enumerate() {
-            let by = match together {
-                Together::All => Manner::Batch,
-                Together::Coherent if number < 2 => Manner::Packets,
-                _ => Manner::Single,
-            };
-            let mut answers = Answers::none(*kind, rays.len());
-            let start = Instant::now();
-            measure::trace(structure, by, rays, &mut answers, 1);
-            seconds += start.elapsed().as_secs_f64();
-            black_box(answers);
-        }
-        seconds
+        let by = |number| match together {
+            Together::All => Manner::Batch,
+            Together::Coherent if number < 2 => Manner::Packets,
+            _ => Manner::Single,
+        };
+        self.batches.trace(structure, by).0
     }
 }
 

@@ -64,14 +64,18 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
         });
     }
     ensure!(!frames.is_empty(), "no such row");
-    println!("{}", times(&frames, arguments.peers)?);
-    let cells = frame::cells(&frames);
-    let views: &[&str] = if arguments.peers {
-        &["rendered", "rendered-peers"]
+    let (columns, views): (&[&str], &[&str]) = if arguments.peers {
+        let columns = &["rendered-columns", "rendered-peers-columns"];
+        (columns, &["rendered", "rendered-peers"])
     } else {
-        &["rendered"]
+        (&["rendered-columns"], &["rendered"])
     };
-    println!("{}", View::named(views, ("", ""))?.of(&cells));
+    let paper = ["update", "picture", "rebuild", "picture"];
+    println!("{}", frame::times(&frames, columns, paper, seed)?);
+    println!(
+        "{}",
+        View::named(views, ("", ""))?.of(&frame::cells(&frames))
+    );
     println!(
         "{} threads, medians of {} pairs; {}x{} pixels, 1 light, 2 bounces, textures",
         bench.threads, arguments.samples, bench.options.width, bench.options.height
@@ -79,9 +83,8 @@ pub(super) fn run(arguments: &PaperArgs) -> anyhow::Result<bool> {
     if let Some(every) = arguments.share {
         println!("{}", bench.share(every.max(1))?);
     }
-    let lines = frames.iter().map(|frame| frame.line());
-    let lines = lines.collect::<anyhow::Result<String>>()?;
-    run_folder::write_all([arguments.json.clone()], lines)?;
+    let lines: anyhow::Result<Vec<Value>> = frames.iter().map(|frame| frame.line()).collect();
+    run_folder::write_all([arguments.json.clone()], run_folder::json_lines(&lines?)?)?;
     run_folder::write_all([arguments.plot.clone()], plot(&frames)?)?;
     if let Some(path) = &arguments.picture {
         bench.picture(path)?;
@@ -174,11 +177,7 @@ impl<'a> Bench<'a> {
         let rays = usize::try_from(expected.rays.total())?;
         session.add_rays(MERGED, PICTURE, REBUILT, &pictures, rays);
         let mean = tracing.seconds() / session.repeats.pairs as f64;
-        let tracing = Pairs {
-            own: vec![mean],
-            baseline: Vec::new(),
-        };
-        session.add_rays(MERGED, TRACING, "", &tracing, rays);
+        session.add_rays(MERGED, TRACING, "", &Pairs::alone(vec![mean]), rays);
         if with_embree {
             self.embree(session, &expected, frame)?;
         }
@@ -366,87 +365,52 @@ fn seed(frame: &Frame) -> Option<[f64; 4]> {
     Some([copy + dynamic + merge, trace, rebuild, rebuilt])
 }
 
-/// Milliseconds of a frame: of its update and its picture by merging and by rebuilding, and of the rays of its picture.
-const UPDATE: &str = "ms: scene/merge/picture;; scene/rebuild/picture";
-const REBUILD: &str = "over ms: scene/merge/picture;; scene/rebuild/picture";
-const MERGED_PICTURE: &str = "picture ms: scene/merge/picture; picture; scene/rebuild/picture";
-const REBUILT_PICTURE: &str =
-    "over picture ms: scene/merge/picture; picture; scene/rebuild/picture";
-const RAYS: &str = "picture ms: scene/merge/picture; tracing";
-const ITS_PICTURE: &str = "over picture ms: scene/merge/picture; picture; embree/medium/own";
-
 impl Frame {
-    /// Rays of the picture.
-    fn rays(&self) -> usize {
-        let cell = self.cells.iter().find(|cell| cell.rays == PICTURE);
-        cell.map_or(0, |cell| cell.exact.rays)
-    }
-
-    fn line(&self) -> anyhow::Result<String> {
+    fn line(&self) -> anyhow::Result<Value> {
         let seed = seed(self).map_or(Value::Null, |[update, picture, rebuild, rebuilt]| {
             json!({
                 "update_ms": update, "picture_ms": picture,
                 "rebuild_ms": rebuild, "rebuild_picture_ms": rebuilt,
             })
         });
-        let embree = match self.value(ITS_PICTURE) {
-            Ok(picture) => json!({
-                "picture_ms": picture,
-                "picture_over_ours": self.value("speed: scene/merge/picture; picture; embree/medium/own")?,
-                "tracing_over_ours": self.value("speed: scene/merge/picture; tracing; embree/medium/own")?,
-                "other_pixels": 1e-2 * self.value("percent: embree/medium/own; picture")?,
-            }),
-            Err(_) => Value::Null,
-        };
-        let [update, rebuild, picture, rebuilt, tracing] =
-            self.values([UPDATE, REBUILD, MERGED_PICTURE, REBUILT_PICTURE, RAYS])?;
-        let line = json!({
-            "table": "merge-table-rendered", "scene": self.scene, "row": self.label, "frame": self.number,
-            "update_ms": update, "picture_ms": picture, "rays": self.rays(), "tracing_ms": tracing,
-            "rebuild_ms": rebuild, "rebuild_picture_ms": rebuilt, "embree": embree, "seed": seed,
-        });
-        Ok(serde_json::to_string(&line)? + "\n")
+        let embree = self.fields("rendered-peers-fields", &[])?;
+        let picture = self.cells.iter().find(|cell| cell.rays == PICTURE);
+        let mut line = self.fields("rendered-fields", &[])?;
+        line.extend([
+            ("table".into(), "merge-table-rendered".into()),
+            ("scene".into(), self.scene.as_str().into()),
+            ("row".into(), self.label.as_str().into()),
+            ("frame".into(), self.number.into()),
+            (
+                "rays".into(),
+                picture.map_or(0, |cell| cell.exact.rays).into(),
+            ),
+            (
+                "embree".into(),
+                if embree.is_empty() {
+                    Value::Null
+                } else {
+                    embree.into()
+                },
+            ),
+            ("seed".into(), seed),
+        ]);
+        Ok(line.into())
     }
-}
-
-fn times(frames: &[Frame], with_embree: bool) -> anyhow::Result<String> {
-    let ours = [
-        "row", "frame", "update", "picture", "`best`", "picture", "Mray/s",
-    ];
-    let mut head: Vec<String> = ours.map(String::from).into();
-    if with_embree {
-        head.push("Embree's".into());
-    }
-    if frames.iter().any(|frame| frame.seed().is_some()) {
-        let names = ["update", "picture", "rebuild", "picture"];
-        head.extend(names.map(|name| format!("paper {name}")));
-    }
-    let mut table = text::empty_table(head);
-    for frame in frames {
-        let [update, rebuild, picture, rebuilt] =
-            frame.values([UPDATE, REBUILD, MERGED_PICTURE, REBUILT_PICTURE])?;
-        let mut cells = vec![frame.label.clone(), frame.number.to_string()];
-        cells.push(format!("{update:.2}"));
-        cells.extend([picture, rebuild, rebuilt].map(|ms| format!("{ms:.0}")));
-        cells.push(format!("{:.2}", frame.rays() as f64 / picture * 1e-3));
-        if with_embree {
-            cells.push(format!("{:.0}", frame.value(ITS_PICTURE)?));
-        }
-        if let Some(ms) = seed(frame) {
-            cells.extend(ms.map(|ms| format!("{ms:.0}")));
-        }
-        table.add_row(cells);
-    }
-    text::align_right(&mut table, 1);
-    Ok(format!("milliseconds\n{table}"))
 }
 
 /// Figure 4.1: updating and rendering stacked, by rebuilding and by merging.
 fn plot(frames: &[Frame]) -> anyhow::Result<String> {
+    const PICTURES: &str = "picture ms: scene/merge/picture; picture; scene/rebuild/picture";
     let value = |frame: &Frame| -> anyhow::Result<Vec<Vec<f64>>> {
-        let [update, rebuild, picture, rebuilt] =
-            frame.values([UPDATE, REBUILD, MERGED_PICTURE, REBUILT_PICTURE])?;
-        Ok(vec![vec![rebuild, rebuilt], vec![update, picture]])
+        let parts = |over: &str| -> anyhow::Result<Vec<f64>> {
+            let update = format!("{over}ms: {MERGED};; {REBUILT}");
+            Ok(vec![
+                frame.value(&update)?,
+                frame.value(&format!("{over}{PICTURES}"))?,
+            ])
+        };
+        Ok(vec![parts("over ")?, parts("")?])
     };
     let bars = BarPlot {
         axis: "milliseconds",

@@ -1,34 +1,14 @@
 //! The first hits of rays: ours, the baselines, and checks of both.
 
-use kd::{Hit, KdTree, Ray};
+use kd::{Hit, Ray};
+use kd_rivals::FIRST;
 use kd_trace::RayQuery;
 
 use crate::check::are_close;
 use crate::measure::{Pairs, Repeats, in_sure_pairs};
-use crate::structure::{FIRST, restarted_hits};
 
 /// The distances of the first hits of a ray, in order; ∞ for missing ones.
 pub(super) type Distances = [f32; FIRST];
-
-/// The way without a query for several hits: [`restarted_hits`].
-#[derive(Debug)]
-pub(super) struct Restarting<'a>(pub(super) &'a KdTree);
-
-impl RayQuery for Restarting<'_> {
-    type Hit = Hit;
-
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.0.intersect(ray)
-    }
-
-    fn occluded(&self, ray: &Ray) -> bool {
-        self.0.occluded(ray)
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        restarted_hits(self.0, ray, max, out);
-    }
-}
 
 /// Times `own`, each time after `other`, and returns the hits of both, in that order.
 pub(super) fn time(
@@ -78,7 +58,8 @@ pub(super) fn agree(ours: &Distances, theirs: &Distances) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use kd::{BuildOptions, Mesh};
+    use kd::{BuildOptions, KdTree, Mesh};
+    use kd_rivals::Restarting;
 
     use super::*;
 

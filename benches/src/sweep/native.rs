@@ -4,34 +4,25 @@
 //! them at run time, so it is measured in the default build only.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::Context as _;
 
-use super::{BenchArgs, variants};
-use crate::arguments::name_of;
-use crate::names::{StructureName, Variant};
+use crate::names::Variant;
 use crate::record::{self, Record};
 use crate::run_folder::RunFolder;
 
-/// Runs the other program over the same scenes and rays. There, too, Embree runs before every repeat.
-pub(crate) fn measure(
-    program: &Path,
-    arguments: &BenchArgs,
-    folder: &RunFolder,
-) -> anyhow::Result<Vec<Record>> {
-    let structures = to_measure(&variants::choose(arguments)?);
-    if structures.is_empty() {
-        return Ok(Vec::new());
-    }
+/// Whether a variant is measured in the second build: the rivals written in Rust.
+pub(crate) fn measures(variant: &Variant) -> bool {
+    variant.is_rival() && variant.structure.is_rust_rival()
+}
+
+/// Runs the other program with the arguments of this one. There, too, Embree runs before every repeat.
+pub(crate) fn measure(program: &Path, folder: &RunFolder) -> anyhow::Result<Vec<Record>> {
     let (records, scratch) = (folder.native_records(), folder.scratch());
     let status = Command::new(program)
-        .args(call(arguments, &structures))
-        .arg("--json")
-        .arg(&records)
-        .arg("--out")
-        .arg(&scratch)
+        .args(call(std::env::args_os().skip(1), [&records, &scratch]))
         .stdout(std::process::Stdio::null())
         .status()
         .with_context(|| format!("cannot start {}", program.display()))?;
@@ -42,53 +33,16 @@ pub(crate) fn measure(
         "{}: {status}",
         program.display()
     );
-    Ok(of_rivals(record::read(&records)?))
+    record::read(&records)
 }
 
-/// The structures of a run that have rivals written in Rust among their variants.
-fn to_measure(variants: &[Variant]) -> Vec<StructureName> {
-    let rivals = variants.iter().filter(|variant| variant.is_rival());
-    let mut structures: Vec<StructureName> = rivals.map(|variant| variant.structure).collect();
-    structures.retain(|structure| structure.is_rust_rival());
-    structures
-}
-
-/// Without structures of ours that share the name of a rival and are measured with it.
-fn of_rivals(mut records: Vec<Record>) -> Vec<Record> {
-    records.retain(Record::is_of_rival);
-    records
-}
-
-/// The arguments of this run, for those structures alone.
-fn call(arguments: &BenchArgs, structures: &[StructureName]) -> Vec<OsString> {
-    let mut call: Vec<OsString> = vec!["bench".into(), "--peers".into()];
-    let mut add = |flag: &str, value: OsString| call.extend([flag.into(), value]);
-    if let Some(scenes) = &arguments.scenes {
-        add("--scenes", scenes.into());
-    }
-    for scene in &arguments.scene {
-        add("--scene", scene.into());
-    }
-    for structure in structures {
-        add("--structure", name_of(structure).into());
-    }
-    for builder in &arguments.builder {
-        add("--builder", name_of(builder).into());
-    }
-    for kind in &arguments.rays {
-        add("--rays", name_of(kind).into());
-    }
-    add("--threads", arguments.threads.to_string().into());
-    if let Some(samples) = arguments.samples {
-        add("--samples", samples.to_string().into());
-    }
-    if let Some(limit) = arguments.ray_limit {
-        add("--ray-limit", limit.to_string().into());
-    }
-    if arguments.smoke {
-        call.push("--smoke".into());
-    }
-    call
+/// The arguments of this run, for the rivals written in Rust alone; the last file and folder count.
+fn call(
+    own: impl Iterator<Item = OsString>,
+    [records, out]: [&PathBuf; 2],
+) -> impl Iterator<Item = OsString> {
+    let more = ["--in-native-build".into(), "--json".into(), records.into()];
+    own.chain(more).chain(["--out".into(), out.into()])
 }
 
 /// Replaces each row of `records`, which is a variant on a scene, by that of `native` if its rays are faster there, by
@@ -117,7 +71,7 @@ fn is_same_row(a: &Record, b: &Record) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sweep::parsed;
+    use crate::sweep::{parsed, variants};
 
     #[test]
     fn rows_are_replaced_whole() {
@@ -154,64 +108,25 @@ mod tests {
 
     /// Our hierarchies and the crate bvh share a name.
     #[test]
-    fn our_hierarchies_are_no_rivals() {
-        let to_measure = |arguments: &str| {
-            let call = format!("--peers --structure {arguments}");
-            let arguments = parsed(call.split(' '));
-            to_measure(&variants::choose(&arguments).expect("some"))
+    fn the_other_program_measures_the_rivals_of_the_same_run() {
+        let measured = |arguments: &str| {
+            let own = arguments.split(' ').map(OsString::from);
+            let files = ["native.jsonl", "scratch"].map(PathBuf::from);
+            let theirs = parsed(call(own, files.each_ref()));
+            assert_eq!((theirs.json, theirs.out), files.map(Some).into(), "its own");
+            let variants = variants::choose(&parsed(arguments.split(' '))).expect("some");
+            let measured = variants.iter().filter(|variant| measures(variant));
+            let names: Vec<String> = measured.map(ToString::to_string).collect();
+            assert_eq!(theirs.samples, Some(5), "the rest is the same");
+            names.join(" ")
         };
-        let none: [StructureName; 0] = [];
-        assert_eq!(to_measure("bvh --builder binned"), none, "of ours only");
-        let rivals = to_measure("bvh --builder binned,default");
-        assert_eq!(rivals, [StructureName::Bvh], "the crate");
-
-        // The other build makes rows of both. Ours was faster there.
-        let record = |builder: &str, flags: &str, nanoseconds: f64| {
-            let mut record = record::example();
-            record.structure = "bvh".into();
-            record.builder = builder.into();
-            record.rustflags = flags.into();
-            record.timed.baseline_ns_per_ray = vec![100.0];
-            record.timed.trace_ns_per_ray = vec![nanoseconds];
-            record.exact.disagreement_ppm = (builder == "default").then_some(0.5);
-            record
-        };
-        let both = |flags: &str, nanoseconds: f64| {
-            let builders = ["binned", "default", "sweep"];
-            builders.map(|builder| record(builder, flags, nanoseconds))
-        };
-        let mut records = both("", 50.0);
-        keep_better(&mut records, of_rivals(both("native", 20.0).to_vec()));
-        let kept = records.map(|record| (record.builder, record.rustflags));
-        let kept = kept
-            .each_ref()
-            .map(|(builder, flags)| (builder.as_str(), flags.as_str()));
+        let ours = "--peers --json a --out b --samples 5 --native-build c --structure";
+        let only = |structures: &str| measured(&format!("{ours} {structures}"));
+        assert_eq!(only("bvh,embree --builder binned,low"), "", "none in Rust");
         assert_eq!(
-            kept,
-            [("binned", ""), ("default", "native"), ("sweep", "")],
-            "only the crate is replaced"
-        );
-    }
-
-    #[test]
-    fn the_other_program_gets_the_same_arguments() {
-        let ours =
-            "--peers --scenes dir --scene a,b --builder medium --threads 2 --samples 5 --smoke";
-        let arguments = parsed(ours.split(' '));
-        let call = call(&arguments, &[StructureName::Obvhs]);
-        assert_eq!(call[0], "bench", "the command");
-        let theirs = parsed(call.into_iter().skip(1));
-        assert_eq!(theirs.structure, [StructureName::Obvhs], "only the rival");
-        assert_eq!(
-            (
-                theirs.scene,
-                theirs.builder,
-                theirs.threads,
-                theirs.samples,
-                theirs.smoke
-            ),
-            (arguments.scene, arguments.builder, 2, Some(5), true),
-            "the rest is the same"
+            only("bvh --builder binned,default"),
+            "bvh/default/own",
+            "the crate"
         );
     }
 }

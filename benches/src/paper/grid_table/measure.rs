@@ -10,8 +10,10 @@ use kd_select::sample::{self, Run, Tried};
 use kd_select::{Features, MeasuredScene, Opening, RayScheme, Structure as Kind, Times};
 
 use super::PaperArgs;
-use super::rays::{self, Answered, Rays};
+use super::rays;
+use crate::check::Answers;
 use crate::names::{BuilderName, LayoutName, StructureName, Variant};
+use crate::paper::batches::Batches;
 use crate::record::median;
 use crate::scenes::SceneSource;
 use crate::structure::{Manner, Queried, Shape, Structure};
@@ -130,24 +132,25 @@ pub(super) fn measure(
     let mut hit_shares = [0.0; 2];
     let mut lazy = [Vec::new(), Vec::new()];
     for repeat in 0..settings.repeats {
-        let mut expected: Option<[Answered; 2]> = None;
+        let mut expected: Option<Vec<Vec<Answers>>> = None;
         for (kind, variant) in BUILT.iter().rev() {
             let built = variant.build(mesh, 1)?;
             let structure = &*built.structure;
             let of_kind = runs.entry(*kind).or_default();
             of_kind.build.push(built.seconds);
-            let mut answers = [Answered::default(), Answered::default()];
+            let mut all = Vec::new();
             for (number, rays) in kinds.iter().enumerate() {
                 if *kind == Kind::Grid {
                     let tried = try_grid(structure, rays, built.seconds);
                     sampled[number] = (built.seconds, tried);
                 }
-                let seconds = seconds_of(structure, SINGLE, rays, &mut answers[number]);
+                let (seconds, answers) = rays.trace(structure, |_| Manner::Single);
                 of_kind.rays[number].push(seconds);
-                hit_shares[number] = answers[number].hit_share();
+                hit_shares[number] = rays::hits(&answers) as f64 / rays.len().max(1) as f64;
+                all.push(answers);
             }
-            let expected = expected.get_or_insert_with(|| answers.clone());
-            if repeat == 0 && answers != *expected {
+            let expected = expected.get_or_insert_with(|| all.clone());
+            if repeat == 0 && all != *expected {
                 problems.push(format!(
                     "{}: answers of {kind} differ from a kd-tree's",
                     source.name
@@ -183,38 +186,28 @@ pub(super) fn measure(
 }
 
 /// Tries a grid as `Accel` does, with rays of a whole picture in place of a user's.
-fn try_grid(structure: &dyn Structure, rays: &Rays, build_seconds: f64) -> Tried {
-    let runs = rays.runs();
+fn try_grid(structure: &dyn Structure, rays: &Batches, build_seconds: f64) -> Tried {
+    let runs = rays::runs(rays);
     Tried::ask(runs.len(), sample::RAYS as u64, build_seconds, |place| {
-        let mut answers = Answered::default();
-        let seconds = seconds_of(structure, SINGLE, &runs[place], &mut answers);
+        let (seconds, answers) = runs[place].trace(structure, |_| Manner::Single);
         Run {
             rays: runs[place].len(),
-            hits: answers.hits(),
+            hits: rays::hits(&answers),
             seconds: Some(seconds),
         }
     })
 }
 
-const SINGLE: Manner = Manner::Single;
-
-fn seconds_of(structure: &dyn Structure, by: Manner, rays: &Rays, answers: &mut Answered) -> f64 {
-    *answers = Answered::default();
-    let start = Instant::now();
-    rays.answer(structure, by, answers);
-    start.elapsed().as_secs_f64()
-}
-
 /// The costs of a lazy tree: seconds before the first ray, of rays once all cells that they enter are divided, and of the
 /// division of these cells.
-fn lazy_times(mesh: &Arc<Mesh>, rays: &Rays) -> anyhow::Result<Times> {
+fn lazy_times(mesh: &Arc<Mesh>, rays: &Batches) -> anyhow::Result<Times> {
     let options = BuildOptions::balanced().with_threads(1);
     let start = Instant::now();
     let tree = LazyTree::new(Arc::clone(mesh), &options)?;
     let build_seconds = start.elapsed().as_secs_f64();
     let tree = Queried::new(&tree, |_| Shape::default());
-    let trace = |rays: &Rays| seconds_of(&tree, Manner::Batch, rays, &mut Answered::default());
-    let early = rays.spread(rays.len() / EARLY);
+    let trace = |rays: &Batches| rays.trace(&tree, |_| Manner::Batch).0;
+    let early = rays::spread(rays, rays.len() / EARLY);
     let (first, rest, again) = (trace(&early), trace(rays), trace(rays));
     let ray_seconds = again / rays.len() as f64;
     let early_rays = early.len() as f64;

@@ -4,7 +4,7 @@ use kd_scene::Spd;
 
 use super::PaperArgs;
 use crate::arguments::UsageError;
-use crate::scenes::{SceneSource, in_folder};
+use crate::scenes::{self, SceneSource};
 
 /// The paper has 28 scenes, too.
 const GENERATED: [(Spd, &[u32]); 11] = [
@@ -42,13 +42,11 @@ pub(super) fn choose(arguments: &PaperArgs) -> anyhow::Result<Vec<SceneSource>> 
     });
     let mut scenes: Vec<SceneSource> = sized.collect();
     match &arguments.scenes {
-        Some(folder) if !arguments.smoke => scenes.extend(in_folder(folder)?),
+        Some(folder) if !arguments.smoke => scenes.extend(scenes::in_folder(folder)?),
         Some(_) => {}
         None => eprintln!("without --scenes or KD_SCENES: only generated scenes"),
     }
-    if !arguments.scene.is_empty() {
-        scenes.retain(|scene| arguments.scene.contains(&scene.name));
-    }
+    let scenes = scenes::named(scenes, &arguments.scene)?;
     // One scene to calibrate on, and one to decide about.
     if scenes.len() < 2 {
         let message = "at least two scenes are needed, by the names that the table prints";

@@ -48,34 +48,23 @@ pub(super) static TABLE: LazyLock<Vec<SeedRow>> = LazyLock::new(|| {
 });
 
 fn parse(line: &'static str) -> Option<SeedRow> {
-    let mut words = line.split_whitespace();
-    let scene = words.next()?;
-    let numbers: Vec<Option<f64>> = words.map(|word| word.parse().ok()).collect();
-    let [
-        triangles,
-        sigma,
-        build_grid_ms,
-        build_kd_ms,
-        ref columns @ ..,
-    ] = numbers[..]
-    else {
-        return None;
-    };
-    let rays = |rays: &[Option<f64>]| {
+    let (scene, columns) = line.split_once(' ')?;
+    let columns = columns.split_whitespace().map(|word| word.parse().ok());
+    let columns: Vec<Option<f64>> = columns.collect();
+    let rays = |from: usize| {
         Some(SeedRays {
-            grid_us: rays[0]?,
-            kd_us: rays[1]?,
-            critical: rays[2],
+            grid_us: columns[from]?,
+            kd_us: columns[from + 1]?,
+            critical: columns[from + 2],
         })
     };
-    let (random, path) = columns.split_at_checked(3)?;
-    Some(SeedRow {
+    (columns.len() == 10).then_some(SeedRow {
         scene,
-        triangles: triangles?,
-        sigma: sigma?,
-        build_grid_ms: build_grid_ms?,
-        build_kd_ms: build_kd_ms?,
-        rays: [rays(random)?, rays(path)?],
+        triangles: columns[0]?,
+        sigma: columns[1]?,
+        build_grid_ms: columns[2]?,
+        build_kd_ms: columns[3]?,
+        rays: [rays(4)?, rays(7)?],
     })
 }
 

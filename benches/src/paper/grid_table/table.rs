@@ -10,6 +10,7 @@ use super::measure::Measured;
 use super::seed::{SeedRow, TABLE};
 use super::{SCHEMES, of_scheme, rays_text};
 use crate::record::median;
+use crate::run_folder::json_lines;
 use crate::text;
 use crate::view::{arithmetic_mean, maximum, minimum};
 
@@ -163,8 +164,7 @@ fn line(ratios: &[Ratios]) -> String {
 
 /// One JSON object for each scene and kind of rays.
 pub(super) fn to_lines(measured: &[Measured]) -> anyhow::Result<String> {
-    let mut lines = String::new();
-    for (row, measured) in measured.iter().enumerate() {
+    json_lines(measured.iter().enumerate().map(|(row, measured)| {
         let scene = &measured.scene;
         let (grid, kd) = (measured.times(Kind::Grid), measured.times(KD));
         let seed = SeedRow::of(&scene.scene).map_or(Value::Null, |seed| {
@@ -177,7 +177,7 @@ pub(super) fn to_lines(measured: &[Measured]) -> anyhow::Result<String> {
             })
         });
         let gain = grid.ray_seconds - kd.ray_seconds;
-        let line = json!({
+        json!({
             "table": "grid-table",
             "row": row + 1,
             "seed": seed,
@@ -190,9 +190,6 @@ pub(super) fn to_lines(measured: &[Measured]) -> anyhow::Result<String> {
                 "sample_ray_grid_us": 1e6 * measured.sampled_grid().ray_seconds,
                 "all": scene.times,
             },
-        });
-        lines += &serde_json::to_string(&line)?;
-        lines.push('\n');
-    }
-    Ok(lines)
+        })
+    }))
 }

@@ -1,162 +1,31 @@
-//! Embree 3 through a few functions of its C interface; the library is opened at its first use.
+//! Embree through a few functions of its C interface; the library is opened at its first use.
 //!
-//! The types and constants are those of the headers of Embree 3 (`rtcore_*.h`), tested with 3.13. The interface of this module is
-//! safe: a [`Scene`] is committed, and its handles are released when it is dropped. The floating point modes of the processor
-//! (flush to zero, denormals are zero) stay unchanged: Embree advises to set them, but compiled Rust relies on the defaults.
+//! The interface of this module is safe: a [`Scene`] is committed, and its handles are released when it is dropped. The floating
+//! point modes of the processor (flush to zero, denormals are zero) stay unchanged: Embree advises to set them, but compiled Rust
+//! relies on the defaults.
 #![allow(
     unsafe_code,
-    reason = "calls of a C library; the interface of this file is safe"
+    reason = "calls of a C library; the interface of this module is safe"
 )]
 
-use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
-use std::ffi::{CString, OsString, c_char, c_int, c_uint, c_void};
-use std::fmt;
+mod v3;
+
+use std::error::Error;
+use std::ffi::{CString, OsString, c_int, c_void};
+use std::iter;
 use std::ptr;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicIsize, Ordering};
 
-use anyhow::Context as _;
-use kd::{Hit, Mesh};
+use kd_core::{Hit, Mesh};
 use libloading::Library;
 
-use crate::structure::FIRST;
+use crate::{FIRST, RivalError};
+use v3::{FilterArguments, Functions, Handle};
 
-/// Embree's number for no triangle.
-pub(super) const NOTHING: u32 = u32::MAX;
-
-const TRIANGLES: c_int = 0;
-const INDEX_BUFFER: c_int = 0;
-const VERTEX_BUFFER: c_int = 1;
-const THREE_UINTS: c_int = 0x5003;
-const THREE_FLOATS: c_int = 0x9003;
-
-/// The quality of a build.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Quality {
-    /// Morton codes
-    Low = 0,
-    /// Binned surface area heuristic
-    Medium = 1,
-    /// The same with spatial splits
-    High = 2,
-    /// Boxes of an earlier build, refitted to the triangles
-    Refit = 3,
-}
-
-/// The purpose of a scene: `RTCSceneFlags`.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Purpose {
-    Usual = 0,
-    /// A geometry may change
-    Dynamic = 1 << 0,
-    /// Rays through edges hit
-    Robust = 1 << 2,
-    /// Contexts may filter hits
-    Filtered = 1 << 3,
-}
-
-/// A device, a scene or a geometry.
-type Handle = *mut c_void;
-
-/// `RTCRay`.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
-pub(super) struct Ray1 {
-    pub(super) origin: [f32; 3],
-    pub(super) t_min: f32,
-    pub(super) direction: [f32; 3],
-    pub(super) time: f32,
-    /// After a query the distance of the hit; below 0 for an occluded ray.
-    pub(super) t_max: f32,
-    pub(super) mask: u32,
-    pub(super) id: u32,
-    pub(super) flags: u32,
-}
-
-/// `RTCHit` without its alignment, which the argument of a filter need not have.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub(super) struct Hit1 {
-    pub(super) normal: [f32; 3],
-    pub(super) u: f32,
-    pub(super) v: f32,
-    pub(super) triangle: u32,
-    pub(super) geometry: u32,
-    pub(super) instance: u32,
-}
-
-/// `RTCRayHit`.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
-pub(super) struct RayHit1 {
-    pub(super) ray: Ray1,
-    pub(super) hit: Hit1,
-}
-
-/// `RTCRay8`: the fields of [`Ray1`] for eight rays.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-pub(super) struct Ray8 {
-    pub(super) origin: [[f32; 8]; 3],
-    pub(super) t_min: [f32; 8],
-    pub(super) direction: [[f32; 8]; 3],
-    pub(super) time: [f32; 8],
-    pub(super) t_max: [f32; 8],
-    pub(super) mask: [u32; 8],
-    pub(super) id: [u32; 8],
-    pub(super) flags: [u32; 8],
-}
-
-/// `RTCRayHit8`.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-pub(super) struct RayHit8 {
-    pub(super) ray: Ray8,
-    pub(super) normal: [[f32; 8]; 3],
-    pub(super) u: [f32; 8],
-    pub(super) v: [f32; 8],
-    pub(super) triangle: [u32; 8],
-    pub(super) geometry: [u32; 8],
-    pub(super) instance: [u32; 8],
-}
-
-/// `RTCIntersectContext` of a library with one level of instances, as distributions build it.
-#[derive(Debug)]
-#[repr(C)]
-pub(super) struct QueryContext {
-    /// 1 for coherent rays.
-    flags: c_int,
-    filter: Option<Filter>,
-    instance: [u32; 1],
-}
-
-impl QueryContext {
-    /// `coherent` is a hint for the traversal of packets; answers do not depend on it.
-    pub(super) fn new(coherent: bool) -> Self {
-        Self {
-            flags: c_int::from(coherent),
-            filter: None,
-            instance: [NOTHING],
-        }
-    }
-}
-
-/// `RTCFilterFunctionN`.
-type Filter = unsafe extern "C" fn(*const FilterArguments);
-
-/// `RTCFilterFunctionNArguments`, for one ray.
-#[derive(Debug)]
-#[repr(C)]
-struct FilterArguments {
-    /// Set to 0 to reject the hit.
-    valid: *mut c_int,
-    _geometry_data: *mut c_void,
-    context: *mut QueryContext,
-    /// Its `t_max` is the distance of the hit.
-    ray: *mut Ray1,
-    hit: *const Hit1,
-    _rays: c_uint,
-}
+pub(super) use v3::{
+    Hit1, NOTHING, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8, SceneFlags,
+};
 
 /// The context of a query for the first hits of a ray, with the hits found.
 #[derive(Debug)]
@@ -238,92 +107,40 @@ unsafe extern "C" fn keep_first(arguments: *const FilterArguments) {
 struct Lanes([c_int; 8]);
 static ALL_LANES: Lanes = Lanes([-1; 8]);
 
-macro_rules! functions {
-    ($($name:ident = $symbol:literal ($($argument:ty),*) $(-> $result:ty)?;)*) => {
-        /// The functions of the library.
-        #[derive(Debug)]
-        struct Functions {
-            $($name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
-            /// Keeps the library open, and so the functions valid.
-            _library: Library,
-        }
-
-        impl Functions {
-            fn of(library: Library) -> Result<Self, libloading::Error> {
-                Ok(Self {
-                    // SAFETY: the headers of Embree 3 declare this symbol with these types.
-                    $($name: unsafe { *library.get($symbol)? },)*
-                    _library: library,
-                })
-            }
-        }
-    };
-}
-
-functions! {
-    new_device = b"rtcNewDevice" (*const c_char) -> Handle;
-    release_device = b"rtcReleaseDevice" (Handle);
-    device_error = b"rtcGetDeviceError" (Handle) -> c_int;
-    monitor_memory = b"rtcSetDeviceMemoryMonitorFunction"
-        (Handle, extern "C" fn(*mut c_void, isize, bool) -> bool, *mut c_void);
-    new_scene = b"rtcNewScene" (Handle) -> Handle;
-    release_scene = b"rtcReleaseScene" (Handle);
-    set_scene_quality = b"rtcSetSceneBuildQuality" (Handle, c_int);
-    set_scene_flags = b"rtcSetSceneFlags" (Handle, c_int);
-    commit_scene = b"rtcCommitScene" (Handle);
-    new_geometry = b"rtcNewGeometry" (Handle, c_int) -> Handle;
-    release_geometry = b"rtcReleaseGeometry" (Handle);
-    set_geometry_quality = b"rtcSetGeometryBuildQuality" (Handle, c_int);
-    new_buffer = b"rtcSetNewGeometryBuffer" (Handle, c_int, c_uint, c_int, usize, usize) -> *mut c_void;
-    commit_geometry = b"rtcCommitGeometry" (Handle);
-    update_buffer = b"rtcUpdateGeometryBuffer" (Handle, c_int, c_uint);
-    attach_geometry = b"rtcAttachGeometry" (Handle, Handle) -> c_uint;
-    intersect1 = b"rtcIntersect1" (Handle, *mut QueryContext, *mut RayHit1);
-    occluded1 = b"rtcOccluded1" (Handle, *mut QueryContext, *mut Ray1);
-    intersect8 = b"rtcIntersect8" (*const c_int, Handle, *mut QueryContext, *mut RayHit8);
-    occluded8 = b"rtcOccluded8" (*const c_int, Handle, *mut QueryContext, *mut Ray8);
-}
-
-/// Embree could not be opened.
-#[derive(Clone, Debug)]
-pub(super) struct NotInstalled(String);
-
-impl fmt::Display for NotInstalled {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(why) = self;
-        write!(
-            f,
-            "Embree 3 cannot be opened ({why}); it is a system library: on Debian and Ubuntu, \
-             `apt-get install libembree-dev` installs it"
-        )
-    }
-}
-
-impl std::error::Error for NotInstalled {}
-
-fn functions() -> Result<&'static Functions, NotInstalled> {
-    static LOADED: OnceLock<Result<Functions, NotInstalled>> = OnceLock::new();
-    // The name with a version exists without the files for developers.
-    let plain = format!("{DLL_PREFIX}embree3{DLL_SUFFIX}");
-    let names = [format!("{plain}.3"), plain];
-    let loaded = LOADED.get_or_init(|| load(&names.map(OsString::from)));
+fn functions() -> Result<&'static Functions, RivalError> {
+    static LOADED: OnceLock<Result<Functions, RivalError>> = OnceLock::new();
+    let loaded = LOADED.get_or_init(|| load(&v3::library_names().map(OsString::from)));
     loaded.as_ref().map_err(Clone::clone)
 }
 
-fn load(names: &[OsString]) -> Result<Functions, NotInstalled> {
+fn load(names: &[OsString]) -> Result<Functions, RivalError> {
     let mut why = String::from("no name to look for");
     for name in names {
         // SAFETY: opening runs the start-up code of Embree and of its libraries, which have no requirements on the program.
         match unsafe { Library::new(name) }.and_then(Functions::of) {
             Ok(functions) => return Ok(functions),
-            Err(error) => why = format!("{:#}", anyhow::Error::from(error)),
+            Err(error) => why = with_causes(&error),
         }
     }
-    Err(NotInstalled(why))
+    Err(RivalError::NotInstalled(why))
+}
+
+/// The texts of an error and of its causes.
+fn with_causes(error: &dyn Error) -> String {
+    let all = iter::successors(Some(error), |&error: &&dyn Error| error.source());
+    let texts: Vec<String> = all.map(ToString::to_string).collect();
+    texts.join(": ")
+}
+
+/// Fails with this text unless `holds`.
+fn ensure(holds: bool, why: &str) -> Result<(), RivalError> {
+    holds
+        .then_some(())
+        .ok_or_else(|| RivalError::Failed(why.into()))
 }
 
 /// Whether Embree is installed.
-pub(super) fn check_installed() -> Result<(), NotInstalled> {
+pub(crate) fn check_installed() -> Result<(), RivalError> {
     functions().map(|_| ())
 }
 
@@ -375,29 +192,20 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Input {
-    /// Copies a mesh. Builds run on `threads` threads, or on the greatest number of any device before: Embree's threads belong to
-    /// the process and do not become fewer. So a run times one number of threads only.
+    /// Copies a mesh, with a quality of the scene and one of the mesh. Builds run on `threads` threads, or on the greatest number of
+    /// any device before: Embree's threads belong to the process and do not become fewer. So a run times one number of threads only.
     pub(super) fn new(
         mesh: &Mesh,
-        quality: Quality,
-        purpose: Purpose,
-        threads: usize,
-    ) -> anyhow::Result<Self> {
-        Self::of_scene(mesh, [quality, quality], purpose, threads)
-    }
-
-    /// [`new`](Self::new) with a quality of the scene, and one of the mesh.
-    pub(super) fn of_scene(
-        mesh: &Mesh,
         [of_scene, of_mesh]: [Quality; 2],
-        purpose: Purpose,
+        flags: SceneFlags,
         threads: usize,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, RivalError> {
         let functions = functions()?;
-        let config = CString::new(format!("threads={threads},set_affinity=0"))?;
+        let config = CString::new(format!("threads={threads},set_affinity=0"));
+        let config = config.expect("no 0 inside");
         // SAFETY: the text ends with 0 and outlives the call, which copies it.
         let device = unsafe { (functions.new_device)(config.as_ptr()) };
-        anyhow::ensure!(!device.is_null(), "Embree creates no device");
+        ensure(!device.is_null(), "Embree creates no device")?;
         // SAFETY: the device is valid; the function is callable from any thread and uses no data of its caller.
         unsafe { (functions.monitor_memory)(device, note_memory, ptr::null_mut()) };
         // SAFETY: the device is valid.
@@ -410,7 +218,7 @@ impl Input {
         // SAFETY: the scene is valid, and the quality one of its enumeration.
         unsafe { (functions.set_scene_quality)(scene, of_scene as c_int) };
         // SAFETY: the scene is valid, and the flags are of its enumeration.
-        unsafe { (functions.set_scene_flags)(scene, purpose as c_int) };
+        unsafe { (functions.set_scene_flags)(scene, flags as c_int) };
         // Embree has no empty buffers.
         if !mesh.is_empty() {
             handles.attach(mesh, of_mesh)?;
@@ -420,7 +228,7 @@ impl Input {
     }
 
     /// Adds another mesh, whose vertices may change.
-    pub(super) fn add(self, mesh: &Mesh, quality: Quality) -> anyhow::Result<Moving> {
+    pub(super) fn add(self, mesh: &Mesh, quality: Quality) -> Result<Moving, RivalError> {
         let Self(handles) = self;
         let (geometry, vertices) = handles.attach(mesh, quality)?;
         let before = BYTES_IN_USE.load(Ordering::Relaxed);
@@ -434,14 +242,14 @@ impl Input {
             vertices,
             count: mesh.positions().len(),
         };
-        moving.update(mesh.positions())?;
+        moving.move_to(mesh.positions())?;
         let grown = BYTES_IN_USE.load(Ordering::Relaxed).saturating_sub(before);
         moving.scene.bytes = grown.max(0).unsigned_abs();
         Ok(moving)
     }
 
     /// Builds: the timed part.
-    pub(super) fn commit(self) -> anyhow::Result<Scene> {
+    pub(super) fn commit(self) -> Result<Scene, RivalError> {
         let Self(handles) = self;
         let before = BYTES_IN_USE.load(Ordering::Relaxed);
         BYTES_AT_PEAK.store(before, Ordering::Relaxed);
@@ -459,16 +267,26 @@ impl Input {
 
 impl Handles {
     /// Adds the mesh to the scene, and returns its geometry, which the scene keeps, and its vertex buffer.
-    fn attach(&self, mesh: &Mesh, quality: Quality) -> anyhow::Result<(Handle, *mut [f32; 3])> {
+    fn attach(&self, mesh: &Mesh, quality: Quality) -> Result<(Handle, *mut [f32; 3]), RivalError> {
         let functions = self.functions;
         // SAFETY: the device is valid.
-        let geometry = unsafe { (functions.new_geometry)(self.device, TRIANGLES) };
+        let geometry = unsafe { (functions.new_geometry)(self.device, v3::TRIANGLES) };
         // SAFETY: the geometry is valid, and the quality one of its enumeration.
         unsafe { (functions.set_geometry_quality)(geometry, quality as c_int) };
         let copied = self
-            .fill(geometry, VERTEX_BUFFER, THREE_FLOATS, mesh.positions())
+            .fill(
+                geometry,
+                v3::VERTEX_BUFFER,
+                v3::THREE_FLOATS,
+                mesh.positions(),
+            )
             .and_then(|vertices| {
-                self.fill(geometry, INDEX_BUFFER, THREE_UINTS, mesh.triangles())?;
+                self.fill(
+                    geometry,
+                    v3::INDEX_BUFFER,
+                    v3::THREE_UINTS,
+                    mesh.triangles(),
+                )?;
                 Ok((geometry, vertices))
             });
         if copied.is_ok() {
@@ -489,13 +307,13 @@ impl Handles {
         buffer: c_int,
         format: c_int,
         values: &[[T; 3]],
-    ) -> anyhow::Result<*mut [T; 3]> {
+    ) -> Result<*mut [T; 3], RivalError> {
         const STRIDE: usize = 12;
         assert_eq!(size_of::<[T; 3]>(), STRIDE, "triples of 4 bytes");
         let new_buffer = self.functions.new_buffer;
         // SAFETY: the geometry is valid; the buffer is one of triangles, in its only format.
         let place = unsafe { new_buffer(geometry, buffer, 0, format, STRIDE, values.len()) };
-        anyhow::ensure!(!place.is_null(), "Embree has no memory for the mesh");
+        ensure(!place.is_null(), "Embree has no memory for the mesh")?;
         // SAFETY: the buffer is new, so it overlaps nothing, and has room for these values; Embree aligns buffers to 16 bytes or
         // more.
         unsafe { ptr::copy_nonoverlapping(values.as_ptr(), place.cast(), values.len()) };
@@ -503,22 +321,18 @@ impl Handles {
     }
 
     /// The first error since the last check.
-    fn check(&self) -> anyhow::Result<()> {
+    fn check(&self) -> Result<(), RivalError> {
         // SAFETY: the device is valid.
         let code = unsafe { (self.functions.device_error)(self.device) };
-        (code == 0)
-            .then_some(())
-            .with_context(|| format!("Embree reports error {code}"))
+        ensure(code == 0, &format!("Embree reports error {code}"))
     }
 }
 
 impl Moving {
     /// Moves the vertices of the second mesh and updates the scene: the timed part.
-    pub(super) fn update(&mut self, positions: &[[f32; 3]]) -> anyhow::Result<()> {
-        anyhow::ensure!(
-            positions.len() == self.count,
-            "one position for each vertex"
-        );
+    pub(super) fn move_to(&mut self, positions: &[[f32; 3]]) -> Result<(), RivalError> {
+        let count = positions.len();
+        ensure(count == self.count, "one position for each vertex")?;
         let Handles {
             functions, scene, ..
         } = self.scene.handles;
@@ -526,7 +340,7 @@ impl Moving {
         // build reads it during this exclusive borrow.
         unsafe { ptr::copy_nonoverlapping(positions.as_ptr(), self.vertices, positions.len()) };
         // SAFETY: the geometry has this buffer.
-        unsafe { (functions.update_buffer)(self.geometry, VERTEX_BUFFER, 0) };
+        unsafe { (functions.update_buffer)(self.geometry, v3::VERTEX_BUFFER, 0) };
         // SAFETY: the geometry is valid.
         unsafe { (functions.commit_geometry)(self.geometry) };
         // SAFETY: the scene is valid and not shared.
@@ -547,7 +361,7 @@ impl Drop for Handles {
 impl Scene {
     /// The closest hit of one ray.
     #[inline]
-    pub(super) fn intersect1(&self, context: &mut QueryContext, ray: &mut RayHit1) {
+    pub(super) fn intersect_one(&self, context: &mut QueryContext, ray: &mut RayHit1) {
         let Handles {
             functions, scene, ..
         } = self.handles;
@@ -555,45 +369,45 @@ impl Scene {
         unsafe { (functions.intersect1)(scene, context, ray) }
     }
 
-    /// The first hits of one ray; none unless the scene is [`Purpose::Filtered`].
+    /// The first hits of one ray; none unless the scene is [`SceneFlags::Filtered`].
     #[inline]
     pub(super) fn first_hits<'a>(&self, found: &'a mut FirstHits, ray: &mut RayHit1) -> &'a [Hit] {
         let Handles {
             functions, scene, ..
         } = self.handles;
         found.count = 0;
-        // SAFETY: as for `intersect1`; the pointer is to the whole `FirstHits` that the filter of the context expects.
+        // SAFETY: as for `intersect_one`; the pointer is to the whole `FirstHits` that the filter of the context expects.
         unsafe { (functions.intersect1)(scene, ptr::from_mut(found).cast(), ray) };
         &found.nearest[..found.count]
     }
 
     /// Whether one ray hits anything.
     #[inline]
-    pub(super) fn occluded1(&self, context: &mut QueryContext, ray: &mut Ray1) {
+    pub(super) fn occluded_one(&self, context: &mut QueryContext, ray: &mut Ray1) {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: as for `intersect1`.
+        // SAFETY: as for `intersect_one`.
         unsafe { (functions.occluded1)(scene, context, ray) }
     }
 
     /// The closest hits of eight rays.
     #[inline]
-    pub(super) fn intersect8(&self, context: &mut QueryContext, rays: &mut RayHit8) {
+    pub(super) fn intersect_packet(&self, context: &mut QueryContext, rays: &mut RayHit8) {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: as for `intersect1`; there is a lane for each ray, with the same alignment.
+        // SAFETY: as for `intersect_one`; there is a lane for each ray, with the same alignment.
         unsafe { (functions.intersect8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
     }
 
     /// Whether each of eight rays hits anything.
     #[inline]
-    pub(super) fn occluded8(&self, context: &mut QueryContext, rays: &mut Ray8) {
+    pub(super) fn occluded_packet(&self, context: &mut QueryContext, rays: &mut Ray8) {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: as for `intersect8`.
+        // SAFETY: as for `intersect_packet`.
         unsafe { (functions.occluded8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
     }
 }
@@ -619,19 +433,7 @@ mod tests {
     }
 
     #[test]
-    fn layouts_are_those_of_the_headers() {
-        let sizes = [
-            size_of::<Ray1>(),
-            size_of::<Hit1>(),
-            size_of::<RayHit1>(),
-            size_of::<Ray8>(),
-            size_of::<RayHit8>(),
-        ];
-        assert_eq!(sizes, [48, 32, 80, 384, 640], "bytes");
-        if cfg!(target_pointer_width = "64") {
-            let sizes = [size_of::<QueryContext>(), size_of::<FilterArguments>()];
-            assert_eq!(sizes, [24, 48], "bytes");
-        }
+    fn a_pointer_to_the_context_is_one_to_the_whole() {
         assert_eq!(offset_of!(FirstHits, context), 0, "in front");
     }
 

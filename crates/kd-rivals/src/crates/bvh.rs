@@ -1,15 +1,16 @@
 //! The crate `bvh`, which returns candidates: with a triangle test of our own, and for closest hits its traversal that gives
 //! near candidates first, ended at the first one behind the best hit.
 
+use std::convert::Infallible;
+
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy as _};
 use bvh::bvh::Bvh;
-use kd::glam::Vec3;
-use kd::{Hit, Mesh, Ray};
-use kd_trace::RayQuery;
+use glam::Vec3;
+use kd_core::{Hit, Mesh, Ray};
 
-use super::rust;
-use crate::structure::{Built, restarted_hits};
+use super::Trace;
+use crate::{Built, Options, RivalError};
 
 /// A triangle in the form of the test.
 #[derive(Clone, Debug)]
@@ -28,16 +29,16 @@ struct Tree {
 }
 
 /// Builds, on several threads by the crate's parallel build.
-pub(super) fn build(mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
-    let count = u32::try_from(mesh.len())?;
-    let mut shapes: Vec<Shape> = (0..count).map(|number| Shape::new(mesh, number)).collect();
-    rust::build(threads, move || {
-        let bvh = if threads > 1 {
+pub(crate) fn build(mesh: &Mesh, options: Options) -> Result<Built, RivalError> {
+    let numbers = (0..).take(mesh.len());
+    let mut shapes: Vec<Shape> = numbers.map(|number| Shape::new(mesh, number)).collect();
+    super::build(options, move || {
+        let bvh = if options.threads > 1 {
             Bvh::build_par(&mut shapes)
         } else {
             Bvh::build(&mut shapes)
         };
-        Ok(Tree { bvh, shapes })
+        Ok::<_, Infallible>(Tree { bvh, shapes })
     })
 }
 
@@ -92,11 +93,9 @@ fn ray_of(ray: &Ray) -> bvh::ray::Ray<f32, 3> {
     bvh::ray::Ray::new(origin.into(), direction.into())
 }
 
-impl RayQuery for Tree {
-    type Hit = Hit;
-
+impl Trace for Tree {
     #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
         let line = ray_of(ray);
         // The crate's rays have unit length.
         let length = ray.direction.length();
@@ -108,20 +107,16 @@ impl RayQuery for Tree {
                 break;
             }
             if let Some(t) = shape.distance(ray, t_max) {
-                best = Some(rust::hit(t, shape.number));
+                best = Some(super::hit(t, shape.number));
             }
         }
         best
     }
 
     #[inline]
-    fn occluded(&self, ray: &Ray) -> bool {
+    fn any(&self, ray: &Ray) -> bool {
         let line = ray_of(ray);
         let mut candidates = self.bvh.traverse_iterator(&line, &self.shapes);
         candidates.any(|shape| shape.distance(ray, ray.t_max).is_some())
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        restarted_hits(self, ray, max, out);
     }
 }

@@ -1,10 +1,10 @@
 //! The crate `obvhs`: a binary and a compressed wide BVH, with the crate's own triangles in the order of the leaves, as in its
 //! examples.
 
+use std::convert::Infallible;
 use std::time::Duration;
 
-use kd::{Hit, Mesh, Ray};
-use kd_trace::RayQuery;
+use kd_core::{Hit, Mesh, Ray};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
@@ -12,9 +12,8 @@ use obvhs::ray::RayHit;
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::rust;
-use crate::names::BuilderName;
-use crate::structure::{Built, restarted_hits};
+use super::Trace;
+use crate::{Built, ObvhsBuild, Options, RivalError};
 
 /// A tree of the crate with the triangles of its leaves.
 struct Obvhs<Tree> {
@@ -26,26 +25,26 @@ struct Obvhs<Tree> {
 
 /// Builds with one of the crate's presets. The fastest one gives the binary tree, which builds fast; the others the wide one,
 /// which traces fast.
-pub(super) fn build(builder: BuilderName, mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
+pub(crate) fn build(build: ObvhsBuild, mesh: &Mesh, options: Options) -> Result<Built, RivalError> {
     let triangles = triangles_of(mesh);
     // The crate adds the time of its core to a sum; our time covers everything before the first ray.
     let core_time = || Duration::ZERO;
     let wide = |preset| {
-        rust::build(threads, || {
+        super::build(options, || {
             let tree = build_cwbvh_from_tris(&triangles, preset, &mut core_time());
             let numbers = tree.primitive_indices.clone();
-            Ok(Obvhs::new(tree, numbers, &triangles))
+            Ok::<_, Infallible>(Obvhs::new(tree, numbers, &triangles))
         })
     };
-    match builder {
-        BuilderName::Fastest => rust::build(threads, || {
+    match build {
+        ObvhsBuild::Fastest => super::build(options, || {
             let preset = BvhBuildParams::fastest_build();
             let tree = build_bvh2_from_tris(&triangles, preset, &mut core_time());
             let numbers = tree.primitive_indices.clone();
-            Ok(Obvhs::new(tree, numbers, &triangles))
+            Ok::<_, Infallible>(Obvhs::new(tree, numbers, &triangles))
         }),
-        BuilderName::Slow => wide(BvhBuildParams::slow_build()),
-        _ => wide(BvhBuildParams::medium_build()),
+        ObvhsBuild::Medium => wide(BvhBuildParams::medium_build()),
+        ObvhsBuild::Slow => wide(BvhBuildParams::slow_build()),
     }
 }
 
@@ -71,7 +70,7 @@ impl<Tree> Obvhs<Tree> {
 
     fn hit(&self, found: &RayHit, length: f32) -> Option<Hit> {
         let place = (found.t < f32::INFINITY).then_some(found.primitive_id as usize)?;
-        Some(rust::hit(found.t / length, self.numbers[place]))
+        Some(super::hit(found.t / length, self.numbers[place]))
     }
 }
 
@@ -94,11 +93,9 @@ fn ray_of(ray: &Ray) -> (obvhs::ray::Ray, f32) {
 /// Both trees have the same queries without a common trait.
 macro_rules! trace_through {
     ($tree:ty) => {
-        impl RayQuery for Obvhs<$tree> {
-            type Hit = Hit;
-
+        impl Trace for Obvhs<$tree> {
             #[inline]
-            fn intersect(&self, ray: &Ray) -> Option<Hit> {
+            fn closest(&self, ray: &Ray) -> Option<Hit> {
                 let mut found = RayHit::none();
                 let (ray, length) = ray_of(ray);
                 let test = |ray: &obvhs::ray::Ray, at: usize| self.triangles[at].intersect(ray);
@@ -107,14 +104,10 @@ macro_rules! trace_through {
             }
 
             #[inline]
-            fn occluded(&self, ray: &Ray) -> bool {
+            fn any(&self, ray: &Ray) -> bool {
                 let (ray, _) = ray_of(ray);
                 let test = |ray: &obvhs::ray::Ray, at: usize| self.triangles[at].intersect(ray);
                 !self.tree.ray_traverse_miss(ray, test)
-            }
-
-            fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-                restarted_hits(self, ray, max, out);
             }
         }
     };

@@ -1,0 +1,283 @@
+//! Embree: one ray at a time, in packets of eight, and for several hits of a ray.
+
+mod api;
+
+use std::array;
+use std::time::Instant;
+
+use kd_core::{Hit, Mesh, Ray, RayPacket8};
+use kd_trace::RayQuery;
+
+use crate::queries::restarted_hits;
+use crate::{Built, Bytes, EmbreeBuild, FIRST, Following, Moving, Purpose, Queries, RivalError};
+use api::{
+    FirstHits, Hit1, Input, NOTHING, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8, Scene,
+    SceneFlags,
+};
+
+pub(crate) use api::check_installed as check;
+
+/// The clock covers the commit of the scene, with the mesh in Embree's own buffers.
+pub(crate) fn build(
+    build: EmbreeBuild,
+    purpose: Purpose,
+    mesh: &Mesh,
+    threads: usize,
+) -> Result<Built, RivalError> {
+    let quality = match build {
+        EmbreeBuild::Low => Quality::Low,
+        EmbreeBuild::Medium => Quality::Medium,
+        EmbreeBuild::High => Quality::High,
+    };
+    let flags = match purpose {
+        Purpose::Usual => SceneFlags::Usual,
+        Purpose::Robust => SceneFlags::Robust,
+        Purpose::FirstHits => SceneFlags::Filtered,
+    };
+    let input = Input::new(mesh, [quality; 2], flags, threads)?;
+    let start = Instant::now();
+    let scene = input.commit()?;
+    let seconds = start.elapsed().as_secs_f64();
+    let bytes = Bytes {
+        peak: scene.peak_bytes,
+        kept: scene.bytes,
+    };
+    let structure: Box<dyn Queries> = match purpose {
+        Purpose::FirstHits => Box::new(Filtered(scene)),
+        Purpose::Usual | Purpose::Robust => Box::new(scene),
+    };
+    Ok(Built {
+        structure,
+        seconds,
+        bytes,
+    })
+}
+
+/// A scene of a static and a moving mesh.
+pub(crate) fn follow(
+    following: Following,
+    fixed: &Mesh,
+    moving: &Mesh,
+) -> Result<Box<dyn Moving>, RivalError> {
+    let (scene, flags, quality) = match following {
+        Following::Rebuild => (Quality::Medium, SceneFlags::Usual, Quality::Medium),
+        Following::RebuildMoving => (Quality::Low, SceneFlags::Dynamic, Quality::Medium),
+        Following::Refit => (Quality::Low, SceneFlags::Dynamic, Quality::Refit),
+    };
+    let input = Input::new(fixed, [scene, Quality::Medium], flags, 1)?;
+    Ok(Box::new(input.add(moving, quality)?))
+}
+
+impl Moving for api::Moving {
+    fn update(&mut self, positions: &[[f32; 3]]) -> Result<(), RivalError> {
+        self.move_to(positions)
+    }
+
+    fn structure(&self) -> &dyn Queries {
+        &self.scene
+    }
+}
+
+impl RayQuery for Scene {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let mut single = with_room_for_hit(ray);
+        self.intersect_one(&mut QueryContext::new(false), &mut single);
+        hit_of(&single)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        let mut single = single_of(ray);
+        self.occluded_one(&mut QueryContext::new(false), &mut single);
+        single.t_max < 0.0
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        restarted_hits(self, ray, max, out);
+    }
+
+    fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let mut context = QueryContext::new(have_one_origin(rays));
+        let mut packet = EMPTY_HITS8;
+        for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
+            fill(&mut packet.ray, rays);
+            packet.geometry = [NOTHING; 8];
+            self.intersect_packet(&mut context, &mut packet);
+            for (lane, hit) in hits.iter_mut().enumerate() {
+                *hit = hit_of_lane(&packet, lane);
+            }
+        }
+    }
+
+    fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        let mut context = QueryContext::new(have_one_origin(rays));
+        let mut packet = EMPTY8;
+        for (rays, occluded) in rays.chunks(8).zip(occluded.chunks_mut(8)) {
+            fill(&mut packet, rays);
+            self.occluded_packet(&mut context, &mut packet);
+            for (occluded, t_max) in occluded.iter_mut().zip(packet.t_max) {
+                *occluded = t_max < 0.0;
+            }
+        }
+    }
+
+    fn intersect8(&self, packet: &RayPacket8) -> [Option<Hit>; 8] {
+        let mut hits = [None; 8];
+        self.intersect_batch(&packet.rays(), &mut hits);
+        array::from_fn(|lane| hits[lane].filter(|_| packet.mask[lane] != 0))
+    }
+
+    fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+        let mut occluded = [false; 8];
+        self.occluded_batch(&packet.rays(), &mut occluded);
+        array::from_fn(|lane| occluded[lane] && packet.mask[lane] != 0)
+    }
+}
+
+/// One context serves all rays of a list.
+impl Queries for Scene {
+    fn intersect_each(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        let mut context = QueryContext::new(have_one_origin(rays));
+        for (ray, hit) in rays.iter().zip(hits) {
+            let mut single = with_room_for_hit(ray);
+            self.intersect_one(&mut context, &mut single);
+            *hit = hit_of(&single);
+        }
+    }
+
+    fn occluded_each(&self, rays: &[Ray], occluded: &mut [bool]) {
+        let mut context = QueryContext::new(have_one_origin(rays));
+        for (ray, occluded) in rays.iter().zip(occluded) {
+            let mut single = single_of(ray);
+            self.occluded_one(&mut context, &mut single);
+            *occluded = single.t_max < 0.0;
+        }
+    }
+}
+
+/// A scene with a filter for hits.
+#[derive(Debug)]
+struct Filtered(Scene);
+
+impl RayQuery for Filtered {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.0.intersect(ray)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.0.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        if max > FIRST {
+            return restarted_hits(&self.0, ray, max, out);
+        }
+        let mut found = FirstHits::none();
+        let hits = self.0.first_hits(&mut found, &mut with_room_for_hit(ray));
+        out.clear();
+        out.extend(hits.iter().take(max));
+    }
+}
+
+impl Queries for Filtered {}
+
+/// Rays of one origin come from a camera: Embree gets the hint that they are coherent.
+fn have_one_origin(rays: &[Ray]) -> bool {
+    rays.windows(2).all(|pair| pair[0].origin == pair[1].origin)
+}
+
+#[inline]
+fn single_of(ray: &Ray) -> Ray1 {
+    Ray1 {
+        origin: ray.origin.to_array(),
+        t_min: ray.t_min,
+        direction: ray.direction.to_array(),
+        time: 0.0,
+        t_max: ray.t_max,
+        mask: ray.mask,
+        id: 0,
+        flags: 0,
+    }
+}
+
+#[inline]
+fn with_room_for_hit(ray: &Ray) -> RayHit1 {
+    RayHit1 {
+        ray: single_of(ray),
+        hit: Hit1 {
+            normal: [0.0; 3],
+            u: 0.0,
+            v: 0.0,
+            triangle: NOTHING,
+            geometry: NOTHING,
+            instance: NOTHING,
+        },
+    }
+}
+
+#[inline]
+fn hit_of(traced: &RayHit1) -> Option<Hit> {
+    let RayHit1 { ray, hit } = traced;
+    (hit.geometry != NOTHING).then_some(Hit {
+        t: ray.t_max,
+        u: hit.u,
+        v: hit.v,
+        triangle: hit.triangle,
+    })
+}
+
+/// A packet without its rays.
+const EMPTY8: Ray8 = Ray8 {
+    origin: [[0.0; 8]; 3],
+    t_min: [0.0; 8],
+    direction: [[0.0; 8]; 3],
+    time: [0.0; 8],
+    t_max: [0.0; 8],
+    mask: [u32::MAX; 8],
+    id: [0; 8],
+    flags: [0; 8],
+};
+
+const EMPTY_HITS8: RayHit8 = RayHit8 {
+    ray: EMPTY8,
+    normal: [[0.0; 8]; 3],
+    u: [0.0; 8],
+    v: [0.0; 8],
+    triangle: [NOTHING; 8],
+    geometry: [NOTHING; 8],
+    instance: [NOTHING; 8],
+};
+
+/// Fills the lanes with up to eight rays, and the remaining lanes with the last one. This is part of the query's time, since
+/// rays come one after the other, as to our own batches.
+#[inline]
+fn fill(packet: &mut Ray8, rays: &[Ray]) {
+    for lane in 0..8 {
+        let ray = &rays[lane.min(rays.len() - 1)];
+        for axis in 0..3 {
+            packet.origin[axis][lane] = ray.origin[axis];
+            packet.direction[axis][lane] = ray.direction[axis];
+        }
+        packet.t_min[lane] = ray.t_min;
+        packet.t_max[lane] = ray.t_max;
+    }
+}
+
+#[inline]
+fn hit_of_lane(traced: &RayHit8, lane: usize) -> Option<Hit> {
+    (traced.geometry[lane] != NOTHING).then_some(Hit {
+        t: traced.ray.t_max[lane],
+        u: traced.u[lane],
+        v: traced.v[lane],
+        triangle: traced.triangle[lane],
+    })
+}
