@@ -11,7 +11,7 @@ pub use rays::*;
 use std::fmt;
 use std::sync::Arc;
 
-use kd_core::{Hit, Mesh, Ray};
+use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_trace::RayQuery;
 
 use crate::check::{check, source};
@@ -77,6 +77,7 @@ macro_rules! trials {
             directions_of_any_length,
             edge_on_triangles_are_not_hit,
             edges_and_corners_belong_to_all_their_triangles,
+            every_power_of_two,
             extreme_directions,
             extreme_scenes,
             flat_along_each_axis,
@@ -137,6 +138,32 @@ impl<'a> Over<'a> {
     #[track_caller]
     fn expect(&self, ray: &Ray, hits: usize) {
         assert_eq!(self.check(ray), hits, "{}: {}", self.name, source(ray));
+    }
+
+    /// Checks rays as one batch and in packets of eight, against the closest hit of each.
+    #[track_caller]
+    fn check_together(&self, rays: &[Ray], expected: &[Option<Hit>]) {
+        for (number, structure) in self.queries().into_iter().enumerate() {
+            let place = format!("{}, structure {number}, {} rays", self.name, rays.len());
+            // Earlier contents must not stay.
+            let mut hits = vec![expected.iter().flatten().next().copied(); rays.len()];
+            structure.intersect_batch(rays, &mut hits);
+            assert_eq!(hits, expected, "{place}");
+            let mut occluded = vec![true; rays.len()];
+            structure.occluded_batch(rays, &mut occluded);
+            let are_hit = expected.iter().map(Option::is_some);
+            assert!(are_hit.eq(occluded), "{place}: occluded");
+            for (rays, expected) in rays.chunks(8).zip(expected.chunks(8)) {
+                let packet = RayPacket8::new(rays);
+                let (hits, occluded) =
+                    (structure.intersect8(&packet), structure.occluded8(&packet));
+                for (lane, hit) in hits.into_iter().enumerate() {
+                    let expected = expected.get(lane).copied().flatten();
+                    assert_eq!(hit, expected, "{place}, lane {lane}");
+                    assert_eq!(occluded[lane], hit.is_some(), "{place}, lane {lane}");
+                }
+            }
+        }
     }
 
     /// Random rays around the mesh and the planes of the structures.

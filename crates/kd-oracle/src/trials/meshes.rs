@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
+use kd_trace::brute_force;
 
 use super::{Over, Subject};
 use crate::check::source;
@@ -142,6 +143,81 @@ pub fn scales_and_offsets(subject: &Subject) {
             Over::new(subject, name, &mesh).check_random(9, subject.rays / 5, 30);
         }
     }
+}
+
+/// Triangles as large as every power of two, with smaller ones beside them: rays from near and far, alone, in a tile, in packets
+/// and in a queue.
+#[track_caller]
+pub fn every_power_of_two(subject: &Subject) {
+    /// Coherent rays, and as many others.
+    const RAYS: u32 = effort::cases(18, 64);
+    for exponent in -140..=127 {
+        let scale = 2.0_f64.powi(exponent);
+        let mut rng = Rng(exponent.unsigned_abs() as u64 + 1);
+        let mesh = Arc::new(mixed_sizes(scale, &mut rng));
+        let over = Over::new(subject, format!("2^{exponent}"), &mesh);
+        // A length of 1 and one as large as the scene: the steps of a ray have another scale than the mesh.
+        let lengths = [1.0, scale];
+        let mut rays = Vec::new();
+        for (number, length) in (0..RAYS).zip(lengths.into_iter().cycle()) {
+            // Coherent: through a window, from a point in front of it.
+            let across = [
+                0.1 + 0.01 * f64::from(number % 8),
+                0.01 * f64::from(number / 8),
+            ];
+            let from = [0.1, 0.0, -1.0];
+            rays.push(scaled(
+                from,
+                scale,
+                [across[0] - 0.1, across[1], 1.0],
+                length,
+            ));
+        }
+        for (number, length) in (0..RAYS).zip(lengths.into_iter().cycle()) {
+            let [from, to] = [0, 1].map(|_| rng.vec3().as_dvec3().to_array());
+            // Some come from far away, where that is finite.
+            let away = if number % 4 == 0 { 64.0 } else { 1.0 };
+            let [x, y, z] = [0, 1, 2].map(|axis| to[axis] - away * from[axis]);
+            rays.push(scaled(from.map(|x| away * x), scale, [x, y, z], length));
+        }
+        let mut hits = 0;
+        let mut expected = Vec::new();
+        for ray in &rays {
+            hits += over.check(ray);
+            expected.push(brute_force::intersect(&mesh, ray));
+        }
+        let is_usual = (-118..=118).contains(&exponent);
+        assert!(
+            hits > RAYS as usize / 2 || !is_usual,
+            "2^{exponent}: {hits} hits"
+        );
+        over.check_together(&rays, &expected);
+    }
+}
+
+/// A large triangle, and triangles of half its size down to 2^-20 of it.
+fn mixed_sizes(scale: f64, rng: &mut Rng) -> Mesh {
+    let corner = |p: [f64; 3]| Vec3::from_array(p.map(|x| (x * scale) as f32));
+    let mut soup = Soup::default();
+    soup.triangle([
+        corner([-1.0, -1.0, 0.0]),
+        corner([1.0, -1.0, 0.0]),
+        corner([0.0, 1.0, 0.1]),
+    ]);
+    for level in 1..=20 {
+        let size = 0.5_f64.powi(level);
+        let center = rng.vec3().as_dvec3() * 0.5;
+        let corners = [0, 1, 2].map(|_| center + size * rng.vec3().as_dvec3());
+        soup.triangle(corners.map(|p| corner(p.to_array())));
+    }
+    soup.mesh()
+}
+
+/// A ray with its origin and its direction scaled.
+fn scaled(from: [f64; 3], scale: f64, direction: [f64; 3], length: f64) -> Ray {
+    let [origin, direction] = [(from, scale), (direction, length)]
+        .map(|(v, scale)| Vec3::from_array(v.map(|x| (x * scale) as f32)));
+    Ray::new(origin, direction)
 }
 
 /// Rays and directions of any length in scenes of any size.

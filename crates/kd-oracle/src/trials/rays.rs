@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use kd_core::{Mesh, Ray, RayPacket8};
+use kd_core::{Mesh, Ray};
 use kd_trace::brute_force;
 
 use super::{Over, Subject};
@@ -176,29 +176,8 @@ pub fn batches_and_packets_answer_as_single_rays(subject: &Subject) {
             expected.push(brute_force::intersect(&mesh, ray));
         }
         assert!(hits > 100, "{name}: {hits} hits");
-        for (number, structure) in over.queries().into_iter().enumerate() {
-            for length in [0, 1, 7, 64, rays.len()] {
-                let place = format!("{name}, structure {number}, {length} rays");
-                let (rays, expected) = (&rays[..length], &expected[..length]);
-                // Earlier contents must not stay.
-                let mut hits = vec![expected.iter().flatten().next().copied(); length];
-                structure.intersect_batch(rays, &mut hits);
-                assert_eq!(hits, expected, "{place}");
-                let mut occluded = vec![true; length];
-                structure.occluded_batch(rays, &mut occluded);
-                let are_hit = expected.iter().map(Option::is_some);
-                assert!(are_hit.eq(occluded), "{place}: occluded");
-            }
-            for (rays, expected) in rays.chunks(8).zip(expected.chunks(8)) {
-                let packet = RayPacket8::new(rays);
-                let (hits, occluded) =
-                    (structure.intersect8(&packet), structure.occluded8(&packet));
-                for (lane, hit) in hits.into_iter().enumerate() {
-                    let expected = expected.get(lane).copied().flatten();
-                    assert_eq!(hit, expected, "{name}, structure {number}, lane {lane}");
-                    assert_eq!(occluded[lane], hit.is_some(), "{name}, lane {lane}");
-                }
-            }
+        for length in [0, 1, 7, 64, rays.len()] {
+            over.check_together(&rays[..length], &expected[..length]);
         }
     }
 }

@@ -19,7 +19,7 @@ use crate::collect::Collect;
 use crate::decision::View;
 use crate::planes::PER_STEP;
 use crate::probe::Probe;
-use crate::triangle::{BLUR, MOST_REACH, SLOPE};
+use crate::triangle::{BLUR, SLOPE};
 
 /// A ray, prepared for blocks. The three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
 /// and along.
@@ -47,6 +47,10 @@ pub(super) struct Avx2Test {
     /// All bits where the filter is off.
     keep: u32,
 }
+
+/// The largest reach R with a filter: 2⁴⁰. Sheared coordinates are below 2.01 R, edge functions below 8.1 R², and their sum times a
+/// limit, at most 4 R away, below 98 R³, which is finite.
+const MOST_REACH: f32 = (1_u64 << 40) as f32;
 
 /// Lanes of a block.
 #[derive(Clone, Copy)]
