@@ -2,6 +2,10 @@
 //!
 //! Nodes are stored in depth-first order, blocks in the order of their leaves. They are counted first, so that any number of
 //! threads writes each at its final place. Leaves are triangles, or finished subtrees.
+//!
+//! The children of a node are in lanes by their [`Prospect`]: an any-hit ray visits the last lane first.
+
+mod prospect;
 
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
@@ -9,6 +13,7 @@ use kd_simd::LANES;
 use crate::block::Block;
 use crate::box_tree::{BoxTree, Kind};
 use crate::node::{Child, WIDTH, WideNode};
+use prospect::Prospect;
 
 /// Triangles that fit one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;
@@ -33,6 +38,9 @@ trait WriteLeaves: Sync {
 
     /// Writes a leaf to exactly the space that it needs.
     fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child;
+
+    /// Of the leaf.
+    fn prospect(&self, items: &[u32]) -> Prospect;
 }
 
 /// Blocks of the triangles of a mesh.
@@ -77,7 +85,7 @@ impl<'a> Space<'a> {
 /// The children of a wide node, as the binary tree that they come from.
 #[derive(Debug)]
 enum Group {
-    /// The child in this lane.
+    /// The child of this number.
     Child(u32),
     /// The lower and the upper group on an axis.
     Split(usize, Box<[Self; 2]>),
@@ -141,7 +149,7 @@ fn emit_leaves<L: WriteLeaves>(
         blocks: &mut blocks,
         before,
     };
-    let child = emitter.child(root, space);
+    let (child, _) = emitter.child(root, space);
     (nodes, blocks, child)
 }
 
@@ -189,17 +197,19 @@ impl<L: WriteLeaves> Emitter<'_, L> {
             }
             _ => {
                 parts.push(index);
-                let lane = u32::try_from(parts.len() - 1).expect("at most eight");
-                Group::Child(lane)
+                let number = u32::try_from(parts.len() - 1).expect("at most eight");
+                Group::Child(number)
             }
         }
     }
 
     /// Writes a subtree to exactly the space that it needs.
-    fn child(&self, index: u32, mut space: Space<'_>) -> Child {
+    fn child(&self, index: u32, mut space: Space<'_>) -> (Child, Prospect) {
+        let bounds = self.boxes.node(index).bounds;
         if self.boxes.node(index).choice.is_leaf() {
-            let bounds = self.boxes.node(index).bounds;
-            return self.leaves.write(self.boxes.items(index), bounds, space);
+            let items = self.boxes.items(index);
+            let child = self.leaves.write(items, bounds, space);
+            return (child, self.leaves.prospect(items));
         }
         let place = space.before.nodes;
         let own = space.take(Counts {
@@ -212,16 +222,22 @@ impl<L: WriteLeaves> Emitter<'_, L> {
             .map(|part| (*part, space.take(self.counts[*part as usize])))
             .collect();
         let children = self.all(tasks);
+        let prospects: Vec<(Aabb, Prospect)> = parts
+            .iter()
+            .zip(&children)
+            .map(|(part, (_, prospect))| (self.boxes.node(*part).bounds, *prospect))
+            .collect();
+        let lanes = prospect::lanes(&prospects);
         let mut node = WideNode::EMPTY;
-        for (lane, (part, child)) in parts.iter().zip(children).enumerate() {
-            node.set(lane, &self.boxes.node(*part).bounds, child);
+        for ((bounds, _), ((child, _), lane)) in prospects.iter().zip(children.iter().zip(lanes)) {
+            node.set(lane as usize, bounds, *child);
         }
-        node.orders = [0, 1, 2, 3, 4, 5, 6, 7].map(|octant| group.order(octant));
+        node.orders = [0, 1, 2, 3, 4, 5, 6, 7].map(|octant| group.order(octant, &lanes));
         own.nodes[0] = node;
-        Child::node(place)
+        (Child::node(place), Prospect::of_node(&bounds, &prospects))
     }
 
-    fn all(&self, tasks: Vec<(u32, Space<'_>)>) -> Vec<Child> {
+    fn all(&self, tasks: Vec<(u32, Space<'_>)>) -> Vec<(Child, Prospect)> {
         /// Some hundreds of microseconds of work.
         const TASK: usize = 1 << 10;
         let blocks: usize = tasks.iter().map(|(_, space)| space.blocks.len()).sum();
@@ -238,6 +254,10 @@ impl WriteLeaves for Triangles<'_> {
     fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child {
         leaf(items, bounds, self.0, space)
     }
+
+    fn prospect(&self, items: &[u32]) -> Prospect {
+        Prospect::of_triangles(self.0, items)
+    }
 }
 
 impl WriteLeaves for Links<'_> {
@@ -247,6 +267,11 @@ impl WriteLeaves for Links<'_> {
 
     fn write(&self, items: &[u32], _: Aabb, _: Space<'_>) -> Child {
         self.0[items[0] as usize]
+    }
+
+    /// Unknown: the lanes keep their order.
+    fn prospect(&self, _: &[u32]) -> Prospect {
+        Prospect::default()
     }
 }
 
@@ -302,19 +327,20 @@ fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> C
 }
 
 impl Group {
-    /// All lanes from far to near for the directions of an octant, three bits each.
-    fn order(&self, octant: usize) -> u32 {
-        let mut lanes = Vec::with_capacity(WIDTH);
-        self.add_to(octant, &mut lanes);
+    /// All lanes from far to near for the directions of an octant, three bits each. `lanes` are those of the children.
+    fn order(&self, octant: usize, lanes: &[u32; WIDTH]) -> u32 {
+        let mut children = Vec::with_capacity(WIDTH);
+        self.add_to(octant, &mut children);
         // Rays never enter lanes without a child.
-        let lacking = (0..8_u32).skip(lanes.len());
-        lanes.extend(lacking);
-        lanes.iter().rev().fold(0, |order, lane| order << 3 | lane)
+        let lacking = (0..8_u32).skip(children.len());
+        children.extend(lacking);
+        let in_order = children.iter().rev();
+        in_order.fold(0, |order, child| order << 3 | lanes[*child as usize])
     }
 
     fn add_to(&self, octant: usize, lanes: &mut Vec<u32>) {
         match self {
-            Self::Child(lane) => lanes.push(*lane),
+            Self::Child(number) => lanes.push(*number),
             Self::Split(axis, parts) => {
                 let near = octant >> axis & 1;
                 parts[near ^ 1].add_to(octant, lanes);

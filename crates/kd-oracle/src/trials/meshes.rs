@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use kd_core::{Mesh, Ray};
 use kd_trace::brute_force;
 
@@ -197,7 +197,7 @@ pub fn every_power_of_two(subject: &Subject) {
 
 /// A large triangle, and triangles of half its size down to 2^-20 of it.
 fn mixed_sizes(scale: f64, rng: &mut Rng) -> Mesh {
-    let corner = |p: [f64; 3]| Vec3::from_array(p.map(|x| (x * scale) as f32));
+    let corner = |p: [f64; 3]| (scale * DVec3::from_array(p)).as_vec3();
     let mut soup = Soup::default();
     soup.triangle([
         corner([-1.0, -1.0, 0.0]),
@@ -216,7 +216,7 @@ fn mixed_sizes(scale: f64, rng: &mut Rng) -> Mesh {
 /// A ray with its origin and its direction scaled.
 fn scaled(from: [f64; 3], scale: f64, direction: [f64; 3], length: f64) -> Ray {
     let [origin, direction] = [(from, scale), (direction, length)]
-        .map(|(v, scale)| Vec3::from_array(v.map(|x| (x * scale) as f32)));
+        .map(|(v, scale)| (scale * DVec3::from_array(v)).as_vec3());
     Ray::new(origin, direction)
 }
 

@@ -16,6 +16,7 @@ mod triangles;
 use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
+use glam::Vec3;
 use kd_core::Ray;
 use kd_simd::Avx2;
 use kd_wide::{Block, Child, WIDTH, WideNode};
@@ -50,6 +51,30 @@ pub(crate) struct Avx2Ray {
     test: Avx2Test,
 }
 
+/// Reads a number by a load of its own.
+///
+/// Rays are often written number by number just before. A load of several numbers at once, which the compiler makes of
+/// neighboring loads, then waits until all of them have left the store buffer: 10 to 20 ns a ray.
+#[inline(always)]
+fn read_alone(number: &f32) -> f32 {
+    // SAFETY: a reference is valid for reads.
+    unsafe { std::ptr::from_ref(number).read_volatile() }
+}
+
+/// (x, y, z, 0).
+///
+/// # Safety
+///
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn in_register(v: &Vec3) -> __m128 {
+    // SAFETY: the caller's.
+    unsafe {
+        let [x, y, z] = [&v.x, &v.y, &v.z].map(|number| _mm_set_ss(read_alone(number)));
+        _mm_insert_ps::<0x20>(_mm_insert_ps::<0x10>(x, y), z)
+    }
+}
+
 /// A power of two that f32 has.
 #[allow(clippy::cast_possible_truncation, reason = "it is exact")]
 fn power_of_two(x: f64) -> f32 {
@@ -71,13 +96,13 @@ impl Avx2Ray {
                 let pairs = _mm_max_ps(sizes, _mm_permute_ps::<0b00_00_10_01>(sizes));
                 _mm_max_ss(pairs, _mm_permute_ps::<0b00_00_00_10>(sizes))
             };
-            let origin = _mm_setr_ps(ray.origin.x, ray.origin.y, ray.origin.z, 0.0);
-            let exact = _mm_setr_ps(ray.direction.x, ray.direction.y, ray.direction.z, 0.0);
+            let (origin, exact) = (in_register(&ray.origin), in_register(&ray.direction));
+            let (t_min, t_max) = (read_alone(&ray.t_min), read_alone(&ray.t_max));
 
             // Zero, but for infinity and NaN.
             let finite = _mm_add_ps(_mm_mul_ps(origin, zero), _mm_mul_ps(exact, zero));
             let is_finite = _mm_movemask_ps(_mm_cmpeq_ps(finite, zero)) == 0b1111;
-            if !(is_finite & (ray.t_min <= ray.t_max) & (ray.mask != 0)) {
+            if !(is_finite & (t_min <= t_max) & (ray.mask != 0)) {
                 return None;
             }
             /// Directions beyond this are scaled to steps, so that nothing below overflows or loses bits.
@@ -125,7 +150,7 @@ impl Avx2Ray {
             let exit = _mm_blendv_ps(_mm_add_ps(from, pad), infinity, is_lost);
             let octant = (_mm_movemask_ps(direction).cast_unsigned() & 0b111) as usize;
             // A hit is at a finite t.
-            let span = [ray.t_min * steps, ray.t_max.min(f32::MAX) * steps];
+            let span = [t_min * steps, t_max.min(f32::MAX) * steps];
 
             let in_memory = |x: __m128| {
                 let mut array = [0.0; 4];
@@ -142,7 +167,7 @@ impl Avx2Ray {
                 order: std::mem::offset_of!(WideNode, orders) + size_of::<u32>() * octant,
                 span,
                 steps,
-                test: Avx2Test::new(ray, [origin, exact, direction], reach, steps),
+                test: Avx2Test::new([t_min, t_max], [origin, exact, direction], reach, steps),
             })
         }
     }
@@ -160,9 +185,14 @@ impl WideRay for Avx2Ray {
     }
 
     #[inline(always)]
-    fn enter(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child> {
+    fn enter<const ANY: bool>(
+        &self,
+        node: &WideNode,
+        limit: f32,
+        pending: &mut Pending<'_>,
+    ) -> Option<Child> {
         // SAFETY: there is such a ray, so there is AVX2.
-        unsafe { enter(self, node, limit, pending) }
+        unsafe { enter::<ANY>(self, node, limit, pending) }
     }
 
     #[inline(always)]
@@ -208,7 +238,12 @@ const fn lanes_of() -> [u64; 256] {
 
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn enter(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child> {
+fn enter<const ANY: bool>(
+    ray: &Avx2Ray,
+    node: &WideNode,
+    limit: f32,
+    pending: &mut Pending<'_>,
+) -> Option<Child> {
     let boxes = meet(ray, node, limit);
     let met = _mm256_movemask_ps(boxes.is_met).cast_unsigned();
     if met == 0 {
@@ -217,6 +252,12 @@ fn enter(ray: &Avx2Ray, node: &WideNode, limit: f32, pending: &mut Pending<'_>) 
     if met & (met - 1) == 0 {
         // The most frequent case: without order and stack, the next node is known sooner.
         return Some(node.children[met.trailing_zeros() as usize % WIDTH]);
+    }
+    if ANY {
+        push_in_lanes(node, met, pending);
+        // SAFETY: they have been written. The last one is not pushed.
+        unsafe { pending.grow(met.count_ones() as usize - 1) };
+        return Some(node.children[met.ilog2() as usize % WIDTH]);
     }
     let order = order(ray, node);
     let met = push(node, order, &boxes, pending);
@@ -306,4 +347,18 @@ fn push(node: &WideNode, order: u32, boxes: &Met, pending: &mut Pending<'_>) -> 
     // SAFETY: the room is for eight.
     unsafe { _mm256_storeu_si256(children.cast(), _mm256_permutevar8x32_epi32(all, kept)) };
     met
+}
+
+/// Writes the children of some lanes to the room of the stack, without distances.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn push_in_lanes(node: &WideNode, lanes: u32, pending: &mut Pending<'_>) {
+    let kept = &raw const LANES_OF[lanes as usize % LANES_OF.len()];
+    // SAFETY: there are eight bytes.
+    let kept = _mm256_cvtepu8_epi32(unsafe { _mm_loadl_epi64(kept.cast()) });
+    let (_, children) = pending.room();
+    // SAFETY: there are eight children.
+    let all = unsafe { _mm256_load_si256(node.children.as_ptr().cast()) };
+    // SAFETY: the room is for eight.
+    unsafe { _mm256_storeu_si256(children.cast(), _mm256_permutevar8x32_epi32(all, kept)) };
 }

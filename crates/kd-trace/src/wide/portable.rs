@@ -13,6 +13,9 @@ use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 
+/// The order of the lanes themselves.
+const IN_LANES: u32 = 0o76_543_210;
+
 /// A ray for any processor.
 pub(crate) struct PortableRay {
     planes: RayPlanes,
@@ -53,7 +56,12 @@ impl WideRay for PortableRay {
     }
 
     #[inline(always)]
-    fn enter(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child> {
+    fn enter<const ANY: bool>(
+        &self,
+        node: &WideNode,
+        limit: f32,
+        pending: &mut Pending<'_>,
+    ) -> Option<Child> {
         let mut enters = [self.start; WIDTH];
         let mut exits = [limit; WIDTH];
         for (axis, faces) in node.faces.iter().enumerate() {
@@ -70,7 +78,11 @@ impl WideRay for PortableRay {
                 );
             }
         }
-        let order = node.orders[self.octant];
+        let order = if ANY {
+            IN_LANES
+        } else {
+            node.orders[self.octant]
+        };
         let far_to_near = (0..WIDTH).map(|place| (order >> (3 * place) & 7) as usize);
         let mut nearest: Option<usize> = None;
         for lane in far_to_near.filter(|lane| enters[*lane] <= exits[*lane]) {

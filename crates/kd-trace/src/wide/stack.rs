@@ -110,6 +110,12 @@ impl Pending<'_> {
         unsafe { self.stack.child.get_unchecked(self.len).assume_init() }
     }
 
+    /// The next child, at any distance; `None` if nothing is pending.
+    #[inline(always)]
+    pub(crate) fn pop_any(&mut self) -> Option<Child> {
+        (self.len > 0).then(|| self.pop_last())
+    }
+
     /// The next child whose box the ray enters at `limit` or before. Drops those above it.
     #[inline(always)]
     pub(crate) fn pop(&mut self, limit: f32) -> Option<Child> {

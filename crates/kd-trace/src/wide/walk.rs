@@ -29,7 +29,15 @@ pub(crate) trait WideRay {
     fn steps(&self, t: f32) -> f32;
 
     /// The nearest child whose box the ray may meet up to `limit`. Pushes the other ones, farthest first.
-    fn enter(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Option<Child>;
+    ///
+    /// With `ANY`, the child in the last lane, where a hit is likely for little work; the other ones are pushed in the order of
+    /// their lanes, without distances.
+    fn enter<const ANY: bool>(
+        &self,
+        node: &WideNode,
+        limit: f32,
+        pending: &mut Pending<'_>,
+    ) -> Option<Child>;
 
     /// [`enter`](Self::enter), or [`pop_last`](Pending::pop_last) if the ray meets no box.
     ///
@@ -38,7 +46,7 @@ pub(crate) trait WideRay {
     /// If nothing is pending.
     #[inline(always)]
     fn enter_or_pop(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Child {
-        self.enter(node, limit, pending)
+        self.enter::<false>(node, limit, pending)
             .unwrap_or_else(|| pending.pop_last())
     }
 
@@ -111,12 +119,23 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
             probe.node();
             // SAFETY: the caller's, or a child of a node; and no leaf.
             let node = unsafe { tree.node(child) };
-            if let Some(next) = ray.enter(node, limit, &mut pending) {
+            let next = if C::ANY {
+                ray.enter::<true>(node, limit, &mut pending)
+            } else {
+                ray.enter::<false>(node, limit, &mut pending)
+            };
+            if let Some(next) = next {
                 child = next;
                 continue;
             }
         }
-        match pending.pop(limit) {
+        // A ray that ends at its first hit has the same limit throughout.
+        let next = if C::ANY {
+            pending.pop_any()
+        } else {
+            pending.pop(limit)
+        };
+        match next {
             Some(next) => child = next,
             None => return,
         }

@@ -10,7 +10,7 @@
 use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
-use kd_core::{Hit, Ray};
+use kd_core::Hit;
 use kd_simd::{Avx2, Simd as _, Triple as _};
 use kd_wide::{Block, WIDTH};
 
@@ -62,15 +62,15 @@ struct Candidates {
 }
 
 impl Avx2Test {
-    /// From the ray; its origin, its direction, and its direction in steps; the reach of the triangles; and the steps per unit of
-    /// `t`.
+    /// From the ends of a ray; its origin, its direction, and its direction in steps; the reach of the triangles; and the steps
+    /// per unit of `t`.
     ///
     /// # Safety
     ///
     /// The processor has AVX2 and FMA.
     #[inline(always)]
     pub(super) unsafe fn new(
-        ray: &Ray,
+        [t_min, t_max]: [f32; 2],
         [origin, exact, direction]: [__m128; 3],
         reach: f32,
         steps: f32,
@@ -114,10 +114,10 @@ impl Avx2Test {
                 per_step: along.abs(),
                 slack: PER_STEP * steps * along.abs(),
                 turn: if along > 0.0 { -0.0 } else { 0.0 },
-                start: ray.t_min * steps,
+                start: t_min * steps,
                 farthest: 4.0 * reach,
-                t_min: ray.t_min,
-                t_max: ray.t_max,
+                t_min,
+                t_max,
                 keep: if reach.is_infinite() { u32::MAX } else { 0 },
             }
         }
