@@ -28,9 +28,6 @@ impl<W: Walk> Walked<'_, W> {
     }
 
     pub(crate) fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        out.clear();
-        if max > 0 {
-            self.0.walk(ray, &mut Ordered { max, out });
-        }
+        Ordered::fill(out, max, |ordered| self.0.walk(ray, ordered));
     }
 }

@@ -64,11 +64,10 @@ impl UniformGrid {
 
     /// The first `max` hits, ordered by `t`, then by triangle, each triangle once. Clears `out` first.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        out.clear();
-        if max > 0 {
+        Ordered::fill(out, max, |ordered| {
             // `Ordered` never breaks: a nearer hit is always possible.
-            let _ = walk(self, ray, &mut Ordered { max, out });
-        }
+            let _ = walk(self, ray, ordered);
+        });
     }
 
     /// The number of cells along each axis.

@@ -82,6 +82,7 @@ macro_rules! trials {
             extreme_scenes,
             flat_along_each_axis,
             grazing_rays,
+            hits_at_equal_distances,
             hits_from_outside_the_box,
             nasty_scenes,
             no_triangles_no_hits,

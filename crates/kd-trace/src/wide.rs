@@ -52,10 +52,7 @@ impl RayQuery for WideTree {
     }
 
     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        out.clear();
-        if max > 0 {
-            walk_wide(self, ray, &mut Ordered { max, out }, &mut ());
-        }
+        Ordered::fill(out, max, |ordered| walk_wide(self, ray, ordered, &mut ()));
     }
 
     fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {

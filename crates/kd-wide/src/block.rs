@@ -17,22 +17,19 @@ pub type LaneCorners = [[[f32; LANES]; 3]; 3];
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Block {
-    /// Corners, in scene units; NaN in lanes without a triangle.
+    /// Corners, in scene units; NaN in lanes without a triangle, and only there.
     pub corners: LaneCorners,
-    /// Slots; [`NONE`](Self::NONE) in lanes without a triangle.
+    /// Slots, of any value; meaningless in lanes without a triangle.
     pub triangles: [u32; LANES],
 }
 
 const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
 
 impl Block {
-    /// The slot of a lane without a triangle.
-    pub const NONE: u32 = u32::MAX;
-
     /// No triangles. No ray hits corners that are NaN.
     pub const EMPTY: Self = Self {
         corners: [[[f32::NAN; LANES]; 3]; 3],
-        triangles: [Self::NONE; LANES],
+        triangles: [u32::MAX; LANES],
     };
 
     /// The block of up to eight triangles of a mesh, which get the first lanes.
@@ -51,13 +48,18 @@ impl Block {
     /// The number of triangles. They fill the lanes in order.
     #[inline(always)]
     pub fn count(&self) -> u32 {
-        self.triangles
-            .iter()
-            .map(|triangle| u32::from(*triangle != Self::NONE))
-            .sum()
+        // Not by slots: a slot may have any value.
+        let some_coordinate = &self.corners[0][0];
+        some_coordinate.iter().map(|x| u32::from(!x.is_nan())).sum()
     }
 
-    /// Puts a triangle in a lane.
+    /// The slots of its triangles, to renumber.
+    pub(crate) fn slots_mut(&mut self) -> &mut [u32] {
+        let count = self.count() as usize;
+        &mut self.triangles[..count]
+    }
+
+    /// Puts a triangle in a lane. No coordinate is NaN: those of a [`Mesh`] are finite.
     ///
     /// # Panics
     ///
@@ -76,14 +78,11 @@ impl Block {
         }
     }
 
-    /// Gives its triangles, numbered from `first_slot` on, the corners that they have in `mesh`.
+    /// Gives its triangles, numbered from `first_slot` on modulo 2³², the corners that they have in `mesh`.
     pub(crate) fn move_corners(&mut self, mesh: &Mesh, first_slot: u32) {
-        for lane in 0..LANES {
-            let slot = self.triangles[lane];
-            if slot == Self::NONE {
-                break;
-            }
-            self.set_corners(lane, mesh.corners(slot - first_slot));
+        for lane in 0..self.count() as usize {
+            let triangle = self.triangles[lane].wrapping_sub(first_slot);
+            self.set_corners(lane, mesh.corners(triangle));
         }
     }
 
@@ -114,5 +113,33 @@ impl Block {
         self.corners
             .each_ref()
             .map(|rows| Vec3::from_array(rows.each_ref().map(|row| row[lane])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_do_not_say_whether_there_is_a_triangle() {
+        let corners = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+        let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]; 3]).expect("valid");
+        for first in [0, u32::MAX, u32::MAX - 1, u32::MAX - 2, u32::MAX - 3] {
+            let mut block = Block::of(0..3, &mesh);
+            for slot in block.slots_mut() {
+                *slot = slot.wrapping_add(first);
+            }
+            assert_eq!(block.count(), 3, "from {first}");
+            let slots = [0, 1, 2].map(|triangle: u32| first.wrapping_add(triangle));
+            assert_eq!(block.slots_mut(), slots, "from {first}");
+            let moved = corners.map(|[x, y, z]| [x, y, z + 1.0]);
+            let moved = mesh.with_positions(moved.to_vec()).expect("finite");
+            block.move_corners(&moved, first);
+            for lane in 0..3 {
+                let corners = block.corners_of(lane);
+                assert_eq!(corners, moved.corners(0), "lane {lane}, from {first}");
+            }
+        }
+        assert_eq!(Block::EMPTY.count(), 0, "no triangles");
     }
 }

@@ -13,8 +13,9 @@ use crate::tree::WideTree;
 /// Members share one array of nodes and one of blocks. Unchanged members are not read when others change: [`join`](Self::join)
 /// makes new nodes over all members, and reads only their uppermost nodes, and nodes further down where members overlap.
 ///
-/// The slot of a triangle is its number in its tree plus the `first_slot` of its member, so a hit identifies the member. Among
-/// equal `t` the lower slot is reported, in any order of members.
+/// The slot of a triangle is its number in its tree plus the `first_slot` of its member, modulo 2³², so a hit identifies the member
+/// if the slots of members are distinct. Every 32-bit number is a valid slot. Among equal `t` the lower slot is reported, in any
+/// order of members.
 ///
 /// ```
 /// use kd_core::{Mesh, Ray};

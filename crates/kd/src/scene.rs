@@ -291,12 +291,7 @@ impl Scene {
     fn take_slots(&mut self, triangles: usize) -> u32 {
         let count = |mesh: &Mesh| u32::try_from(mesh.len()).expect("30 bits count triangles");
         let triangles = u32::try_from(triangles).expect("30 bits count triangles");
-        // The last slot marks empty lanes.
-        if self
-            .next_slot
-            .checked_add(triangles)
-            .is_none_or(|end| end == u32::MAX)
-        {
+        if self.next_slot.checked_add(triangles).is_none() {
             self.next_slot = 0;
             for part in &mut self.parts {
                 part.first_slot = self.next_slot;
@@ -342,17 +337,20 @@ mod tests {
             let corners = vec![[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
             Mesh::new(corners, vec![[0, 1, 2], [0, 1, 2]]).expect("valid")
         };
-        for strategy in [
-            Strategy::Auto,
-            Strategy::Merge(MergeMethod::PartitionTrees),
-            Strategy::Merge(MergeMethod::Insertion),
+        // Two triangles fit, with the largest slot that a scene uses or the one before.
+        for (strategy, left) in [
+            (Strategy::Auto, 2),
+            (Strategy::Auto, 3),
+            (Strategy::Merge(MergeMethod::PartitionTrees), 2),
+            (Strategy::Merge(MergeMethod::PartitionTrees), 3),
+            (Strategy::Merge(MergeMethod::Insertion), 3),
         ] {
             let mut scene = Scene::new(BuildOptions::fast());
             scene.set_strategy(strategy.clone());
             let mut parts = vec![scene.add_static(at(0.0)).expect("fits")];
             scene.commit().expect("a frame");
             // As after four thousand million triangles that were added and removed.
-            scene.next_slot = u32::MAX - 3;
+            scene.next_slot = u32::MAX - left;
             for z in [1.0, 2.0] {
                 parts.push(scene.add_dynamic(at(z)).expect("fits"));
                 scene.commit().expect("a frame");

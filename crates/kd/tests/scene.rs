@@ -78,10 +78,13 @@ impl Oracle {
             assert_eq!(*batched, expected, "{what}, batch: {ray:?}");
             assert_eq!(frame.occluded(ray), expected.is_some(), "{what}: {ray:?}");
             assert_eq!(*occluded, expected.is_some(), "{what}, batch: {ray:?}");
-            frame.hits(ray, 5, &mut hits);
             brute_force::hits(&self.mesh, ray, 5, &mut expected_hits);
             let expected: Vec<_> = expected_hits.iter().map(|hit| self.of_part(*hit)).collect();
-            assert_eq!(hits, expected, "{what}: {ray:?}");
+            for max in [1, 5] {
+                frame.hits(ray, max, &mut hits);
+                let first = &expected[..max.min(expected.len())];
+                assert_eq!(hits, first, "{what}, at most {max}: {ray:?}");
+            }
         }
         for (rays, expected) in rays.chunks_exact(8).zip(batch.chunks_exact(8)) {
             let mut packet = RayPacket8::default();
@@ -512,4 +515,41 @@ fn ids_of_another_scene_are_no_such_part() {
         assert!(other.snapshot().mesh(part).is_some(), "{part} at home");
     }
     other.remove(foreign[0]).expect("its own part");
+}
+
+#[test]
+fn hits_of_coincident_parts_are_in_the_order_of_parts() {
+    let at = |depths: &[f32]| {
+        let corners = |z: f32| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+        let positions = depths.iter().copied().flat_map(corners).collect();
+        let triangles = (0..).step_by(3).take(depths.len());
+        let triangles = triangles.map(|first| [first, first + 1, first + 2]);
+        Mesh::new(positions, triangles.collect()).expect("valid")
+    };
+    let ray = Ray::new([0.2, 0.2, -1.0], [0.0, 0.0, 1.0]);
+    for strategy in strategies() {
+        let mut scene = Scene::new(BuildOptions::best());
+        scene.set_strategy(strategy.clone());
+        for part in 0..4 {
+            let mesh = at(&[[2.0; 9], [1.0; 9], [2.0; 9]].concat());
+            let added = if part % 2 == 0 {
+                scene.add_dynamic(mesh)
+            } else {
+                scene.add_static(mesh)
+            };
+            added.expect("fits");
+        }
+        scene.commit().expect("a frame");
+        let frame = scene.frame();
+        let oracle = Oracle::new(&frame);
+        let (mut hits, mut expected) = (vec![], vec![]);
+        brute_force::hits(&oracle.mesh, &ray, usize::MAX, &mut expected);
+        assert_eq!(expected.len(), 4 * 27, "all are in the way");
+        for max in (0..=20).chain([36, 37, 60, 108, 109, usize::MAX]) {
+            frame.hits(&ray, max, &mut hits);
+            let first = expected.iter().take(max);
+            let first: Vec<_> = first.map(|hit| oracle.of_part(*hit)).collect();
+            assert_eq!(hits, first, "{strategy:?}, at most {max}");
+        }
+    }
 }

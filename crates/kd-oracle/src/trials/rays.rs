@@ -160,6 +160,53 @@ pub fn as_many_hits_as_asked_for(subject: &Subject) {
     }
 }
 
+/// Every limit of hits over coincident triangles: large ones, which slant through many cells, at few distances and in no order.
+#[track_caller]
+pub fn hits_at_equal_distances(subject: &Subject) {
+    let mut rng = Rng(47);
+    let mut soup = Soup::default();
+    for _ in 0..240 {
+        let z = 0.25 * rng.pick(&[-2.0_f32, -1.0, 0.0, 1.0, 2.0]);
+        let corner = |x: f32, y: f32| Vec3::new(x, y, z + 0.5 * x);
+        let [a, b, c] = [corner(-4.0, -4.0), corner(4.0, -4.0), corner(0.0, 4.0)];
+        soup.triangle(if rng.chance(0.5) {
+            [a, b, c]
+        } else {
+            [a, c, b]
+        });
+        let (center, size) = (rng.vec3(), 0.1);
+        soup.triangle([(); 3].map(|()| center + size * rng.vec3()));
+    }
+    let mesh = Arc::new(soup.mesh());
+    let walls = Over::new(subject, "walls", &mesh);
+    let (mut expected, mut found) = (Vec::new(), Vec::new());
+    for (origin, direction) in [
+        ([0.1, 0.2, -3.0], [0.0, 0.0, 1.0]),
+        ([0.1, 0.2, 3.0], [0.01, 0.02, -1.0]),
+        ([-3.0, 0.0, 0.0], [1.0, 0.01, 0.02]),
+        ([3.0, 0.1, 0.0], [-1.0, 0.01, -0.02]),
+        ([0.0, 0.0, 0.0], [0.3, 0.2, 1.0]),
+    ] {
+        let ray = Ray::new(origin, direction).with_range(-1.0, INFINITY);
+        brute_force::hits(&mesh, &ray, usize::MAX, &mut expected);
+        assert!(expected.len() > 90, "{}: {}", source(&ray), expected.len());
+        walls.expect(&ray, expected.len());
+        walls.expect(&ray.with_mask(0), 0);
+        let more = [31, 32, 33, 40, 64, 90, 239, 240, 241, usize::MAX];
+        for (number, structure) in walls.queries().into_iter().enumerate() {
+            for max in (1..=20).chain(more) {
+                structure.hits(&ray, max, &mut found);
+                let first = &expected[..max.min(expected.len())];
+                assert!(
+                    found == first,
+                    "structure {number}, at most {max}: {}",
+                    source(&ray)
+                );
+            }
+        }
+    }
+}
+
 /// Batches of several lengths and packets, full and not full, of random rays and of rays that cannot hit.
 #[track_caller]
 pub fn batches_and_packets_answer_as_single_rays(subject: &Subject) {

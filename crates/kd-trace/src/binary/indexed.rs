@@ -46,15 +46,9 @@ pub fn occluded(tree: &Tree, mesh: &Mesh, ray: &Ray) -> bool {
 ///
 /// As [`intersect`].
 pub fn hits(tree: &Tree, mesh: &Mesh, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-    out.clear();
-    if max > 0 {
-        walk(
-            &Indexed { tree, mesh },
-            ray,
-            &mut Ordered { max, out },
-            &mut (),
-        );
-    }
+    Ordered::fill(out, max, |ordered| {
+        walk(&Indexed { tree, mesh }, ray, ordered, &mut ());
+    });
 }
 
 /// Leaves are lists of triangles of the mesh.

@@ -63,10 +63,7 @@ pub fn occluded(cells: &impl LazyCells, ray: &Ray) -> bool {
 
 /// As [`hits`](crate::hits).
 pub fn hits(cells: &impl LazyCells, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-    out.clear();
-    if max > 0 {
-        walk(cells, ray, &mut Ordered { max, out });
-    }
+    Ordered::fill(out, max, |ordered| walk(cells, ray, ordered));
 }
 
 fn walk(cells: &impl LazyCells, ray: &Ray, collector: &mut impl Collect) {

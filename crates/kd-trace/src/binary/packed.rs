@@ -153,10 +153,7 @@ impl PackedTree {
 
     /// As [`hits`](crate::hits).
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        out.clear();
-        if max > 0 {
-            self.walk(ray, &mut Ordered { max, out }, &mut ());
-        }
+        Ordered::fill(out, max, |ordered| self.walk(ray, ordered, &mut ()));
     }
 
     /// [`intersect`](Self::intersect) for each ray, one after another.

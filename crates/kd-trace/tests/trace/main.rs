@@ -12,6 +12,7 @@ mod properties;
 mod queues;
 mod random_tree;
 mod reference;
+mod slots;
 mod tiles;
 mod trials;
 mod watertight;

@@ -141,10 +141,8 @@ impl Arrays {
             return;
         }
         let blocks = &mut self.blocks[self.members[number].blocks()];
-        for slot in blocks.iter_mut().flat_map(|block| &mut block.triangles) {
-            if *slot != Block::NONE {
-                *slot = slot.wrapping_add(slots);
-            }
+        for slot in blocks.iter_mut().flat_map(Block::slots_mut) {
+            *slot = slot.wrapping_add(slots);
         }
     }
 
@@ -183,7 +181,7 @@ mod tests {
             all.push(node);
         }
         let mut block = Block::EMPTY;
-        block.triangles[0] = 0;
+        block.set(0, 0, [glam::Vec3::ZERO; 3]);
         Arrays::new(all, vec![block], Child::node(0))
     }
 

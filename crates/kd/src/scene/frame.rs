@@ -150,14 +150,17 @@ impl FrameData {
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<(PartId, Hit)>) {
         out.clear();
         let mut of_one = Vec::new();
-        for tree in self.trees() {
-            tree.hits(ray, max, &mut of_one);
+        for (number, tree) in self.trees().enumerate() {
+            // Hits beyond the last of `max` do not matter.
+            let last = out.last().filter(|_| out.len() == max);
+            tree.hits(&up_to(ray, last.map(|(_, hit)| *hit)), max, &mut of_one);
             out.extend(of_one.iter().map(|hit| self.of_part(*hit)));
-        }
-        if self.trees().count() > 1 {
-            let key = |(part, hit): &(PartId, Hit)| (*part, hit.triangle);
-            out.sort_by(|a, b| a.1.t.total_cmp(&b.1.t).then(key(a).cmp(&key(b))));
-            out.truncate(max);
+            if number > 0 {
+                // No two are equal: each triangle is in one tree.
+                let key = |(part, hit): &(PartId, Hit)| (*part, hit.triangle);
+                out.sort_unstable_by(|a, b| a.1.t.total_cmp(&b.1.t).then(key(a).cmp(&key(b))));
+                out.truncate(max);
+            }
         }
     }
 
