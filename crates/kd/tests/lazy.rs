@@ -23,7 +23,7 @@ const SCENES: [(Spd, u32); 4] = [
 ];
 
 /// Rays of the usual kinds, and rays that start on planes of the tree.
-const RAYS: usize = effort::count(2_000, 10_000);
+const RAYS: usize = effort::count(1_200, 10_000);
 const RAYS_ON_PLANES: usize = effort::count(1_000, 2_000);
 
 fn builders() -> [(&'static str, BuildOptions); 4] {

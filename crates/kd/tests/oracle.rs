@@ -136,7 +136,7 @@ fn every_query_on_every_scene_equals_brute_force() {
 }
 
 fn every_query_equals_brute_force(scene: Spd, size: u32, count: usize) {
-    let count = effort::count(count / 10, count);
+    let count = effort::count(count / 16, count);
     let mesh = mesh_of(scene, size);
     let rays = rays_for(&mesh, count, 1);
     let expected: Vec<Option<Hit>> = rays
@@ -192,7 +192,7 @@ fn ordered_hits_on_every_scene_equal_brute_force() {
     let mut found = Vec::new();
     for (scene, size, count) in SCENES {
         let mesh = mesh_of(scene, size);
-        let rays = rays_for(&mesh, effort::count(count / 100, count / 20), 2);
+        let rays = rays_for(&mesh, effort::count(count / 160, count / 20), 2);
         let most = |i: usize| [1, 2, 4, usize::MAX][i % 4];
         let expected: Vec<Vec<Hit>> = rays
             .iter()
