@@ -33,7 +33,7 @@ const U: f32 = f32::EPSILON / 2.0;
 pub(crate) const SLOPE: f32 = 80.0 * U;
 pub(crate) const BLUR: f32 = 8.0 * U;
 /// Sheared coordinates are below 2.01 R, so up to here no product in f32 overflows.
-pub(crate) const MOST_REACH: f32 = (1_u64 << 62) as f32;
+const MOST_REACH: f32 = (1_u64 << 62) as f32;
 
 /// A ray, prepared for triangles: the early rejection, and the one function that decides what is a hit.
 ///

@@ -54,7 +54,7 @@ pub(crate) struct Avx2Ray {
 /// Reads a number by a load of its own.
 ///
 /// Rays are often written number by number just before. A load of several numbers at once, which the compiler makes of
-/// neighboring loads, then waits until all of them have left the store buffer: 10 to 20 ns a ray.
+/// neighboring loads, then waits until all of them have left the store buffer.
 #[inline(always)]
 fn read_alone(number: &f32) -> f32 {
     // SAFETY: a reference is valid for reads.
@@ -335,17 +335,12 @@ fn push(node: &WideNode, order: u32, boxes: &Met, pending: &mut Pending<'_>) -> 
     );
     let is_met = _mm256_permutevar8x32_ps(boxes.is_met, lanes);
     let met = _mm256_movemask_ps(is_met).cast_unsigned();
-    let kept = &raw const LANES_OF[met as usize % LANES_OF.len()];
-    // SAFETY: there are eight bytes.
-    let kept = _mm256_cvtepu8_epi32(unsafe { _mm_loadl_epi64(kept.cast()) });
-    let kept = _mm256_permutevar8x32_epi32(lanes, kept);
+    let kept = _mm256_permutevar8x32_epi32(lanes, lanes_in_front(met));
     let (enters, children) = pending.room();
     // SAFETY: the room is for eight.
     unsafe { _mm256_storeu_ps(enters, _mm256_permutevar8x32_ps(boxes.enters, kept)) };
-    // SAFETY: there are eight children.
-    let all = unsafe { _mm256_load_si256(node.children.as_ptr().cast()) };
     // SAFETY: the room is for eight.
-    unsafe { _mm256_storeu_si256(children.cast(), _mm256_permutevar8x32_epi32(all, kept)) };
+    unsafe { _mm256_storeu_si256(children.cast(), children_in(node, kept)) };
     met
 }
 
@@ -353,12 +348,25 @@ fn push(node: &WideNode, order: u32, boxes: &Met, pending: &mut Pending<'_>) -> 
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn push_in_lanes(node: &WideNode, lanes: u32, pending: &mut Pending<'_>) {
-    let kept = &raw const LANES_OF[lanes as usize % LANES_OF.len()];
-    // SAFETY: there are eight bytes.
-    let kept = _mm256_cvtepu8_epi32(unsafe { _mm_loadl_epi64(kept.cast()) });
     let (_, children) = pending.room();
+    // SAFETY: the room is for eight.
+    unsafe { _mm256_storeu_si256(children.cast(), children_in(node, lanes_in_front(lanes))) };
+}
+
+/// The lanes of a set, in order, in front.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn lanes_in_front(set: u32) -> __m256i {
+    let lanes = &raw const LANES_OF[set as usize % LANES_OF.len()];
+    // SAFETY: there are eight bytes.
+    _mm256_cvtepu8_epi32(unsafe { _mm_loadl_epi64(lanes.cast()) })
+}
+
+/// The children in some lanes.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn children_in(node: &WideNode, lanes: __m256i) -> __m256i {
     // SAFETY: there are eight children.
     let all = unsafe { _mm256_load_si256(node.children.as_ptr().cast()) };
-    // SAFETY: the room is for eight.
-    unsafe { _mm256_storeu_si256(children.cast(), _mm256_permutevar8x32_epi32(all, kept)) };
+    _mm256_permutevar8x32_epi32(all, lanes)
 }

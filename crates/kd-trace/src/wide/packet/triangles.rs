@@ -64,7 +64,8 @@ impl<'a, F: F32x8> Triangles<'a, F> {
         found: &mut Found<C>,
     ) {
         // Lanes without a triangle hold NaN, which are met.
-        let there = (1_u32 << block.count()) - 1;
+        let coordinate = simd.load(&block.corners[0][0]);
+        let there = coordinate.le(coordinate).bits();
         let met = beam.meets(simd, block, max_lane(&found.limits)).bits() & there;
         for lane in Bits(met) {
             let may_hit = self.may_hit(simd, block, lane) & lanes;
