@@ -275,7 +275,7 @@ fn edge(p: [__m256; 2], q: [__m256; 2]) -> __m256 {
 /// The decision for one triangle, with its three corners in a register.
 ///
 /// Inlined, so that a hit stays in registers. (Returned through memory, it took 6 % of the time of random rays in a game level:
-/// `cargo xtask rays --scene czest2ctf`, 2026-11-30.)
+/// `cargo xtask rays --scenes DIR --scene czest2ctf`, 2026-11-30.)
 #[inline(always)]
 fn decide(simd: Avx2, test: &Avx2Test, block: &Block, lane: usize) -> Option<Hit> {
     let from_origin = |axis: usize| {
