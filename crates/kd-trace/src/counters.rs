@@ -10,7 +10,7 @@ use crate::binary::indexed::Indexed;
 use crate::binary::packed::PackedTree;
 use crate::binary::walk::walk;
 use crate::collect::{Any, Closest};
-use crate::dispatch::walk_wide;
+use crate::dispatch::{any_of_one, closest_of_one, hit_or_none};
 use crate::probe::Probe;
 use crate::ray_query::RayQuery;
 
@@ -34,9 +34,9 @@ impl Probe for TraversalCounts {
         self.nodes += 1;
     }
 
-    fn leaf(&mut self, triangles: u32) {
+    fn leaf(&mut self, triangles: impl FnOnce() -> u32) {
         self.leaves += 1;
-        self.triangles += triangles;
+        self.triangles += triangles();
     }
 
     fn block(&mut self) {
@@ -87,16 +87,12 @@ impl CountedQuery for PackedTree {
 
 impl CountedQuery for WideTree {
     fn intersect_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        let mut closest = Closest::default();
         let mut counts = TraversalCounts::default();
-        walk_wide(self, ray, &mut closest, &mut counts);
-        (closest.0, counts)
+        (hit_or_none(closest_of_one(self, ray, &mut counts)), counts)
     }
 
     fn occluded_counted(&self, ray: &Ray) -> (bool, TraversalCounts) {
-        let mut any = Any::default();
         let mut counts = TraversalCounts::default();
-        walk_wide(self, ray, &mut any, &mut counts);
-        (any.0, counts)
+        (any_of_one(self, ray, &mut counts), counts)
     }
 }

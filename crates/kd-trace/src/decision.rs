@@ -49,7 +49,6 @@ impl View<f64> {
     /// The hit of one ray with one triangle, if it is between `t_min` and `t_max`. The corners are given from the origin of the
     /// ray: across, across and along. `triangle` is the slot that is reported.
     #[inline(always)]
-    #[allow(clippy::cast_possible_truncation, reason = "a hit has f32 values")]
     pub(crate) fn hit<T: Triple<Number = f64>>(
         &self,
         corners: [T; 3],
@@ -62,12 +61,26 @@ impl View<f64> {
         if !weights.is_one_sided() || !weights.sum().is_not_zero() {
             return None;
         }
-        // Adding zero turns -0.0 into 0.0.
-        let [t, u, v] = each(sight.point(weights), |x| x as f32 + 0.0);
-        let hit = Hit { t, u, v, triangle };
+        let hit = hit_at(sight.point(weights), triangle);
         // As `is_within`.
-        (t.is_finite() && t_min <= t && t <= t_max).then_some(hit)
+        (hit.t.is_finite() && t_min <= hit.t && hit.t <= t_max).then_some(hit)
     }
+
+    /// [`hit`](Self::hit) of a triangle that is surely hit between the ends of the ray, with finer weights that can be used.
+    #[inline(always)]
+    pub(crate) fn sure_hit<T: Triple<Number = f64>>(&self, corners: [T; 3], triangle: u32) -> Hit {
+        let sight = self.sight(corners);
+        hit_at(sight.point_of(weights(sight.x, sight.y)), triangle)
+    }
+}
+
+/// From `t`, `u` and `v`.
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation, reason = "a hit has f32 values")]
+fn hit_at(point: [f64; 3], triangle: u32) -> Hit {
+    // Adding zero turns -0.0 into 0.0.
+    let [t, u, v] = each(point, |x| x as f32 + 0.0);
+    Hit { t, u, v, triangle }
 }
 
 impl<T: Triple> Sight<T> {
@@ -81,7 +94,12 @@ impl<T: Triple> Sight<T> {
     #[inline(always)]
     pub(crate) fn point(&self, deciding: T) -> [T::Number; 3] {
         let (finer, is_usable) = self.finer_weights();
-        let weights = finer.or(is_usable, deciding);
+        self.point_of(finer.or(is_usable, deciding))
+    }
+
+    /// `t`, `u` and `v` of the point that weights stand for.
+    #[inline(always)]
+    fn point_of(&self, weights: T) -> [T::Number; 3] {
         let t = (weights * self.along.times(self.scale)).sum();
         weights.with_first(t).over(weights.sum())
     }

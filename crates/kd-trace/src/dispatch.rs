@@ -8,20 +8,15 @@
 use std::marker::PhantomData;
 
 use kd_core::{Hit, Ray, RayPacket8};
-#[cfg(target_arch = "x86_64")]
-use kd_simd::Avx2;
-use kd_simd::{LANES, Portable, Simd, Task};
+use kd_simd::{LANES, Simd, Task};
 use kd_wide::WideTree;
 
 use crate::binary::packed::PackedTree;
-use crate::binary::walk::{Begin, walk};
+use crate::binary::walk::{self, Begin};
 use crate::collect::{Any, Closest, Collect};
 use crate::planes::Frame;
 use crate::probe::Probe;
 use crate::wide;
-#[cfg(target_arch = "x86_64")]
-use crate::wide::avx2::Avx2Ray;
-use crate::wide::portable::PortableRay;
 use crate::wide::walk::WideRay;
 
 /// A set of instructions that wide nodes are traced with.
@@ -31,25 +26,50 @@ pub(crate) trait TraceSimd: Simd {
 
     /// Prepares a ray for a tree with this frame; `None` if the ray cannot hit anything.
     fn prepare(self, ray: &Ray, frame: &Frame) -> Option<Self::Ray>;
-}
 
-impl TraceSimd for Portable {
-    type Ray = PortableRay;
-
+    /// Gives the collector every hit of one ray that it may want, roughly front to back.
     #[inline(always)]
-    fn prepare(self, ray: &Ray, frame: &Frame) -> Option<PortableRay> {
-        PortableRay::new(ray, frame)
+    fn collect<C: Collect, P: Probe>(
+        self,
+        tree: &WideTree,
+        ray: &Ray,
+        collector: &mut C,
+        probe: &mut P,
+    ) {
+        if let Some(ray) = self.prepare(ray, tree.frame()) {
+            wide::walk::walk(tree, &ray, collector, probe);
+        }
+    }
+
+    /// The closest hit of one ray, or [`NO_HIT`].
+    #[inline(always)]
+    fn closest<P: Probe>(self, tree: &WideTree, ray: &Ray, probe: &mut P) -> Hit {
+        let mut closest = Closest::default();
+        self.collect(tree, ray, &mut closest, probe);
+        closest.0.unwrap_or(NO_HIT)
+    }
+
+    /// Whether one ray hits anything.
+    #[inline(always)]
+    fn any<P: Probe>(self, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+        let mut any = Any::default();
+        self.collect(tree, ray, &mut any, probe);
+        any.0
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-impl TraceSimd for Avx2 {
-    type Ray = Avx2Ray;
+/// In place of the hit of a ray that hits nothing: a hit is returned in registers, an optional one is not.
+pub(crate) const NO_HIT: Hit = Hit {
+    t: f32::NAN,
+    u: 0.0,
+    v: 0.0,
+    triangle: 0,
+};
 
-    #[inline(always)]
-    fn prepare(self, ray: &Ray, frame: &Frame) -> Option<Avx2Ray> {
-        Avx2Ray::new(self, ray, frame)
-    }
+/// `None` for [`NO_HIT`].
+#[inline(always)]
+pub(crate) fn hit_or_none(hit: Hit) -> Option<Hit> {
+    (!hit.t.is_nan()).then_some(hit)
 }
 
 /// One ray through 8-byte nodes over packed leaves.
@@ -65,43 +85,71 @@ impl<S: Simd, B: Begin, C: Collect, P: Probe> Task<S> for WalkPacked<'_, B, C, P
 
     #[inline(always)]
     fn run(self, _: S) {
-        walk(self.tree, self.ray, self.collector, self.probe);
+        walk::walk(self.tree, self.ray, self.collector, self.probe);
     }
 }
 
 /// One ray through wide nodes.
-struct WalkWide<'a, C, P> {
+struct OneRay<'a, P> {
     tree: &'a WideTree,
     ray: &'a Ray,
-    collector: &'a mut C,
     probe: &'a mut P,
 }
 
-impl<S: TraceSimd, C: Collect, P: Probe> Task<S> for WalkWide<'_, C, P> {
+/// Its closest hit.
+struct ClosestOfOne<'a, P>(OneRay<'a, P>);
+
+impl<S: TraceSimd, P: Probe> Task<S> for ClosestOfOne<'_, P> {
+    type Output = Hit;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Hit {
+        let OneRay { tree, ray, probe } = self.0;
+        simd.closest(tree, ray, probe)
+    }
+}
+
+/// Whether it hits anything.
+struct AnyOfOne<'a, P>(OneRay<'a, P>);
+
+impl<S: TraceSimd, P: Probe> Task<S> for AnyOfOne<'_, P> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> bool {
+        let OneRay { tree, ray, probe } = self.0;
+        simd.any(tree, ray, probe)
+    }
+}
+
+/// Its hits, for a collector.
+struct HitsOfOne<'a, C, P>(OneRay<'a, P>, &'a mut C);
+
+impl<S: TraceSimd, C: Collect, P: Probe> Task<S> for HitsOfOne<'_, C, P> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
-        if let Some(ray) = simd.prepare(self.ray, self.tree.frame()) {
-            wide::walk::walk(self.tree, &ray, self.collector, self.probe);
-        }
+        let OneRay { tree, ray, probe } = self.0;
+        simd.collect(tree, ray, self.1, probe);
     }
 }
 
+/// The closest hit of a ray, or [`NO_HIT`].
+pub(crate) fn closest_of_one<P: Probe>(tree: &WideTree, ray: &Ray, probe: &mut P) -> Hit {
+    tree.level().run(ClosestOfOne(OneRay { tree, ray, probe }))
+}
+
+/// Whether a ray hits anything.
+pub(crate) fn any_of_one<P: Probe>(tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+    tree.level().run(AnyOfOne(OneRay { tree, ray, probe }))
+}
+
 /// Gives the collector every hit of a ray that it may want.
-#[inline]
-pub(crate) fn walk_wide<C: Collect, P: Probe>(
-    tree: &WideTree,
-    ray: &Ray,
-    collector: &mut C,
-    probe: &mut P,
-) {
-    tree.level().run(WalkWide {
-        tree,
-        ray,
-        collector,
-        probe,
-    });
+pub(crate) fn hits_of_one<C: Collect>(tree: &WideTree, ray: &Ray, collector: &mut C) {
+    let probe = &mut ();
+    tree.level()
+        .run(HitsOfOne(OneRay { tree, ray, probe }, collector));
 }
 
 /// Many rays through wide nodes, with an answer for each.

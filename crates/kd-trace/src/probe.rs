@@ -4,8 +4,9 @@
 pub trait Probe {
     /// An interior node was visited.
     fn node(&mut self) {}
-    /// A leaf was visited, with this number of triangles.
-    fn leaf(&mut self, _triangles: u32) {}
+    /// A leaf was visited. `triangles` counts its triangles, which only some probes need.
+    #[inline(always)]
+    fn leaf(&mut self, _triangles: impl FnOnce() -> u32) {}
     /// A block of triangles is tested.
     fn block(&mut self) {}
     /// A triangle was not rejected in f32, and is decided in f64.

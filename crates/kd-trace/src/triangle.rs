@@ -21,10 +21,11 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use kd_core::{Axis, Hit, Mesh, Ray};
 use kd_simd::{LANES, Three, Triple as _, each, max, min};
-use kd_wide::LaneCorners;
+use kd_wide::{Block, LaneCorners};
 
 use crate::collect::Collect;
 use crate::decision::View;
+use crate::probe::Probe;
 
 /// Half a unit in the last place of 1, the relative error of rounding to f32.
 const U: f32 = f32::EPSILON / 2.0;
@@ -234,6 +235,27 @@ impl TriangleTest {
         }
         self.decide(corners, triangle)
             .map_or(ControlFlow::Continue(()), |hit| collector.take(hit))
+    }
+
+    /// Tests blocks of triangles, and passes every hit to the collector. Breaks if the collector does.
+    #[inline(always)]
+    pub(crate) fn visit<C: Collect, P: Probe>(
+        &self,
+        blocks: &[Block],
+        collector: &mut C,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        for block in blocks {
+            probe.block();
+            for lane in self.may_hit(&block.corners, block.count() as usize) {
+                probe.decision();
+                let hit = self.decide(block.corners_of(lane), block.triangles[lane]);
+                if let Some(hit) = hit {
+                    collector.take(hit)?;
+                }
+            }
+        }
+        ControlFlow::Continue(())
     }
 }
 

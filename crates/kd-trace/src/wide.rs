@@ -28,7 +28,10 @@ use kd_core::{Hit, Ray, RayPacket8};
 use kd_wide::WideTree;
 
 use crate::collect::{Any, Closest, Ordered};
-use crate::dispatch::{any_of_each, closest_of_each, trace_packet, walk_wide};
+use crate::dispatch::{
+    any_of_each, any_of_one, closest_of_each, closest_of_one, hit_or_none, hits_of_one,
+    trace_packet,
+};
 use crate::ray_query::RayQuery;
 
 /// Batches detect coherent rays: runs of 64, from the first ray on, are traced together while they stay together. Other rays
@@ -39,20 +42,15 @@ impl RayQuery for WideTree {
 
     #[inline]
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        let mut closest = Closest::default();
-        walk_wide(self, ray, &mut closest, &mut ());
-        closest.0
+        hit_or_none(closest(self, ray))
     }
 
-    #[inline]
     fn occluded(&self, ray: &Ray) -> bool {
-        let mut any = Any::default();
-        walk_wide(self, ray, &mut any, &mut ());
-        any.0
+        any_of_one(self, ray, &mut ())
     }
 
     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
-        Ordered::fill(out, max, |ordered| walk_wide(self, ray, ordered, &mut ()));
+        Ordered::fill(out, max, |ordered| hits_of_one(self, ray, ordered));
     }
 
     fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
@@ -72,4 +70,11 @@ impl RayQuery for WideTree {
     fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
         trace_packet(self, packet).map(|any: Any| any.0)
     }
+}
+
+/// The closest hit of a ray, or [`NO_HIT`](crate::dispatch::NO_HIT).
+///
+/// Compiled here, not in the crate of the caller, which may be compiled at another level of optimization.
+fn closest(tree: &WideTree, ray: &Ray) -> Hit {
+    closest_of_one(tree, ray, &mut ())
 }

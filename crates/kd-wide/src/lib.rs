@@ -80,7 +80,7 @@ pub use block::{Block, LaneCorners};
 pub use box_tree::Item;
 pub use divide::{MAX_LEVELS, PLANES_ABOVE};
 pub use forest::WideForest;
-pub use frame::{Frame, PER_REACH};
+pub use frame::{Frame, MOST_USUAL, PER_REACH};
 pub use join::{Join, Joined};
 pub use node::{Child, WIDTH, WideNode};
 pub use object_split::ObjectSplit;

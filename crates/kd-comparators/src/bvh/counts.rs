@@ -14,8 +14,8 @@ pub struct BvhCounts {
 }
 
 impl Probe for BvhCounts {
-    fn leaf(&mut self, triangles: u32) {
-        self.triangles += u64::from(triangles);
+    fn leaf(&mut self, triangles: impl FnOnce() -> u32) {
+        self.triangles += u64::from(triangles());
     }
 
     fn ray_box(&mut self) {

@@ -204,7 +204,7 @@ impl<C: Collect> Packet<'_, C> {
             let meets =
                 place == first || !member.is_done && member.ray.clip(&bounds, probe).is_some();
             if meets {
-                probe.leaf(count);
+                probe.leaf(|| count);
                 let before = member.ray.range().exit;
                 let visited = member
                     .ray

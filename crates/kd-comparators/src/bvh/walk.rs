@@ -98,7 +98,7 @@ pub(crate) fn walk<C: Collect, P: Probe>(
     loop {
         let next = match nodes[at as usize].view() {
             BvhNodeView::Leaf { first, count } => {
-                probe.leaf(count);
+                probe.leaf(|| count);
                 let triangles = &bvh.triangles[first as usize..][..count as usize];
                 if ray.visit(triangles, &bvh.mesh, collector).is_break() {
                     return;

@@ -123,7 +123,7 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
             };
             node = nodes[place as usize];
         }
-        probe.leaf(node.count());
+        probe.leaf(|| node.count());
         // A hit outside this leaf's cell counts like any other.
         if tree.visit(node, &test, collector, probe).is_break() {
             return;

@@ -6,9 +6,9 @@ use kd_wide::WideTree;
 use super::queue;
 use super::scattered::{Scattered, Steps};
 use super::tile::{RAYS, Tiles};
-use super::walk::walk;
 use crate::collect::{Any, Closest, Collect};
-use crate::dispatch::TraceSimd;
+use crate::dispatch::{TraceSimd, hit_or_none};
+use crate::probe::Probe;
 
 /// The fewest rays of a tile. Fewer take longer than one by one.
 pub(super) const FEWEST: usize = 16;
@@ -29,6 +29,14 @@ pub(crate) trait Query: Collect + Default {
 
     fn answer(self) -> Self::Answer;
 
+    /// Answers one ray.
+    fn alone<S: TraceSimd, P: Probe>(
+        simd: S,
+        tree: &WideTree,
+        ray: &Ray,
+        probe: &mut P,
+    ) -> Self::Answer;
+
     /// Answers the rays that are gathered in a tile.
     fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Self::Answer]);
 }
@@ -38,6 +46,16 @@ impl Query for Closest {
 
     fn answer(self) -> Option<Hit> {
         self.0
+    }
+
+    #[inline(always)]
+    fn alone<S: TraceSimd, P: Probe>(
+        simd: S,
+        tree: &WideTree,
+        ray: &Ray,
+        probe: &mut P,
+    ) -> Option<Hit> {
+        hit_or_none(simd.closest(tree, ray, probe))
     }
 
     #[inline(always)]
@@ -51,6 +69,11 @@ impl Query for Any {
 
     fn answer(self) -> bool {
         self.0
+    }
+
+    #[inline(always)]
+    fn alone<S: TraceSimd, P: Probe>(simd: S, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+        simd.any(tree, ray, probe)
     }
 
     #[inline(always)]
@@ -81,13 +104,7 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
                 others.extend((start..).take(rays.len()));
             }
         }
-        let alone = |ray: &Ray, steps: &mut Steps| {
-            let mut query = Q::default();
-            if let Some(ray) = simd.prepare(ray, tree.frame()) {
-                walk(tree, &ray, &mut query, steps);
-            }
-            query.answer()
-        };
+        let alone = |ray: &Ray, steps: &mut Steps| Q::alone(simd, tree, ray, steps);
         scattered.trace::<S, Q>(&mut tiles, rays, &mut others, answers, alone);
         trace_rest::<S, Q>(simd, tree, rays, &others, answers);
     }
@@ -110,10 +127,6 @@ fn trace_rest<S: TraceSimd, Q: Query>(
         return;
     }
     for number in numbers {
-        let mut query = Q::default();
-        if let Some(ray) = simd.prepare(&rays[number], tree.frame()) {
-            walk(tree, &ray, &mut query, &mut ());
-        }
-        answers[number] = query.answer();
+        answers[number] = Q::alone(simd, tree, &rays[number], &mut ());
     }
 }

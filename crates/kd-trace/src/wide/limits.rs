@@ -6,7 +6,7 @@ use crate::planes::Frame;
 pub(super) const LEAST_DIRECTION: f32 = 1.0 / (1 << 20) as f32;
 pub(super) const MOST_DIRECTION: f32 = (1 << 20) as f32;
 /// Coordinates: within this limit no product of three differences overflows.
-pub(super) const MOST_COORDINATE: f32 = (1_u64 << 36) as f32;
+pub(super) use kd_wide::MOST_USUAL as MOST_COORDINATE;
 
 /// Whether the coordinates of a tree are within the limit.
 pub(super) fn fits(frame: &Frame) -> bool {

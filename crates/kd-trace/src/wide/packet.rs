@@ -19,7 +19,7 @@ use kd_simd::{F32x8, LANES, Mask, Number, Simd, each, max_lane, min};
 use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::limits::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
-use super::walk::{WideRay, walk, walk_below};
+use super::walk::{WideRay, walk_below};
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
 use beam::Beam;
@@ -65,9 +65,12 @@ pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
         tracer.trace(&group);
     }
     for lane in Bits(others) {
-        if let Some(ray) = simd.prepare(&packet.ray(lane), tree.frame()) {
-            walk(tree, &ray, &mut found.collectors[lane], &mut ());
-        }
+        simd.collect(
+            tree,
+            &packet.ray(lane),
+            &mut found.collectors[lane],
+            &mut (),
+        );
     }
     found.collectors
 }

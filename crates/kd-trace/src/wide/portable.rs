@@ -3,18 +3,28 @@
 use std::ops::ControlFlow;
 
 use kd_core::Ray;
-use kd_simd::{max, min};
+use kd_simd::{Portable, max, min};
 use kd_wide::{Block, Child, WIDTH, WideNode};
 
 use super::stack::Pending;
 use super::walk::WideRay;
 use crate::collect::Collect;
+use crate::dispatch::TraceSimd;
 use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 
 /// The order of the lanes themselves.
 const IN_LANES: u32 = 0o76_543_210;
+
+impl TraceSimd for Portable {
+    type Ray = PortableRay;
+
+    #[inline(always)]
+    fn prepare(self, ray: &Ray, frame: &Frame) -> Option<PortableRay> {
+        PortableRay::new(ray, frame)
+    }
+}
 
 /// A ray for any processor.
 pub(crate) struct PortableRay {
@@ -101,18 +111,6 @@ impl WideRay for PortableRay {
         collector: &mut C,
         probe: &mut P,
     ) -> ControlFlow<()> {
-        for block in blocks {
-            probe.block();
-            for lane in self.test.may_hit(&block.corners, block.count() as usize) {
-                probe.decision();
-                let hit = self
-                    .test
-                    .decide(block.corners_of(lane), block.triangles[lane]);
-                if let Some(hit) = hit {
-                    collector.take(hit)?;
-                }
-            }
-        }
-        ControlFlow::Continue(())
+        self.test.visit(blocks, collector, probe)
     }
 }

@@ -102,7 +102,7 @@ impl Probe for Steps {
         self.0 += 1;
     }
 
-    fn leaf(&mut self, _triangles: u32) {
+    fn leaf(&mut self, _triangles: impl FnOnce() -> u32) {
         self.0 += 1;
     }
 }

@@ -97,6 +97,18 @@ impl Pending<'_> {
         self.len
     }
 
+    /// The child of an entry.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such entry.
+    #[inline(always)]
+    pub(crate) fn child(&self, place: usize) -> Child {
+        assert!(place < self.len, "an entry");
+        // SAFETY: entries below `len` are written, so it is within the array.
+        unsafe { self.stack.child.get_unchecked(place).assume_init() }
+    }
+
     /// The next child, at any distance.
     ///
     /// # Panics

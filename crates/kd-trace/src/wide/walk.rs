@@ -110,7 +110,7 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
         if child.is_leaf() {
             // SAFETY: the caller's, or a child of a node; and a leaf.
             let blocks = unsafe { tree.leaf(child) };
-            probe.leaf(blocks.iter().map(Block::count).sum());
+            probe.leaf(|| blocks.iter().map(Block::count).sum());
             if ray.visit(blocks, limit, collector, probe).is_break() {
                 return;
             }

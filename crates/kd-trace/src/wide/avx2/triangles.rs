@@ -1,29 +1,28 @@
-//! Blocks of triangles.
+//! Blocks of triangles: which of them a ray may hit, and between which distances.
 //!
-//! The early rejection uses fused multiply-adds and its own, closer bound. The [decision](crate::decision) is that of all
+//! The computation in f32 uses fused multiply-adds and bounds of its own. The [decision](crate::decision) is that of all
 //! traversals.
-#![allow(
-    clippy::multiple_unsafe_ops_per_block,
-    reason = "nearly every line is an instruction, or an address and a load; each block says what makes it safe"
-)]
 
 use std::arch::x86_64::*;
-use std::ops::ControlFlow;
 
 use kd_core::Hit;
-use kd_simd::{Avx2, Simd as _, Triple as _};
+use kd_simd::{Avx2, Simd as _, Three, Triple as _, each};
 use kd_wide::{Block, WIDTH};
 
-use super::ROW;
-use crate::collect::Collect;
+use super::nodes::{Numbers, sizes};
+use super::{ROW, read_alone};
 use crate::decision::View;
-use crate::planes::PER_STEP;
-use crate::probe::Probe;
+use crate::planes::{Frame, PER_STEP};
 use crate::triangle::{BLUR, SLOPE};
 
-/// A ray, prepared for blocks. The three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
+const U: f32 = f32::EPSILON / 2.0;
+
+/// A usual ray, prepared for blocks. The three axes are those of [`TriangleTest`](crate::triangle::TriangleTest): across, across
 /// and along.
-pub(super) struct Avx2Test {
+///
+/// A *depth* is a distance along, in scene units, towards the direction of the ray.
+#[repr(C, align(16))]
+pub(super) struct TriangleRay {
     origin: [f32; 4],
     direction: [f32; 4],
     shear: [f32; 4],
@@ -32,267 +31,301 @@ pub(super) struct Avx2Test {
     /// The slope of the bound of edge functions.
     slope: f32,
     least: f32,
-    /// Absolute units along per step.
-    per_step: f32,
-    /// The largest error of `t` by underflow, along.
-    slack: f32,
     /// -0.0 for a ray with a positive direction along, whose coordinates are negated.
     turn: f32,
-    /// Where the ray starts, in steps.
+    /// The largest error of a depth by underflow.
+    underflow: f32,
+    /// The depth where the ray starts.
     start: f32,
-    /// The largest distance of a triangle along.
-    farthest: f32,
+    /// Depth per unit of `t`, and its inverse.
+    pub(super) speed: f32,
+    pub(super) per_depth: f32,
     t_min: f32,
     t_max: f32,
-    /// All bits where the filter is off.
-    keep: u32,
 }
 
-/// The largest reach R with a filter: 2⁴⁰. Sheared coordinates are below 2.01 R, edge functions below 8.1 R², and their sum times a
-/// limit, at most 4 R away, below 98 R³, which is finite.
-const MOST_REACH: f32 = (1_u64 << 40) as f32;
-
-/// Lanes of a block.
-#[derive(Clone, Copy)]
-struct Candidates {
-    /// Lanes that may be hit.
-    lanes: u32,
-    /// Whether one of them is surely hit.
-    is_one_sure: bool,
-}
-
-impl Avx2Test {
-    /// From the ends of a ray; its origin, its direction, and its direction in steps; the reach of the triangles; and the steps
-    /// per unit of `t`.
-    ///
-    /// # Safety
-    ///
-    /// The processor has AVX2 and FMA.
-    #[inline(always)]
-    pub(super) unsafe fn new(
-        [t_min, t_max]: [f32; 2],
-        [origin, exact, direction]: [__m128; 3],
-        reach: f32,
-        steps: f32,
-    ) -> Self {
+impl TriangleRay {
+    /// The ray must be [usual](super::nodes::NodeRay::usual) for the frame.
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    pub(super) fn new(ray: &Numbers, frame: &Frame) -> Self {
         /// The axis of the largest size, the first among equals, by whether x < y, y < z and x < z.
         const ALONG: [usize; 8] = [0, 1, 0, 2, 1, 1, 2, 2];
         /// By axis along: both axes across, and along.
         const AXES: [[i32; 4]; 3] = [[1, 2, 0, 3], [2, 0, 1, 3], [0, 1, 2, 3]];
-        // SAFETY: the caller's, and loads and stores of four numbers at arrays of four.
-        unsafe {
-            let sizes = _mm_andnot_ps(_mm_set1_ps(-0.0), exact);
-            let (x_y_x, y_z_z) = (
-                _mm_permute_ps::<0b00_00_01_00>(sizes),
-                _mm_permute_ps::<0b00_10_10_01>(sizes),
-            );
-            let less = _mm_cmplt_ps(x_y_x, y_z_z);
-            let axes = &AXES[ALONG[(_mm_movemask_ps(less).cast_unsigned() & 0b111) as usize]];
-            let turn = _mm_loadu_si128(axes.as_ptr().cast());
-            let turned = |x: __m128| _mm_permutevar_ps(x, turn);
-            let in_memory = |x: __m128| {
-                let mut array = [0.0; 4];
-                _mm_storeu_ps(array.as_mut_ptr(), x);
-                array
-            };
-            let slopes = turned(direction);
-            let shear = _mm_div_ps(slopes, _mm_permute_ps::<0b10_10_10_10>(slopes));
-            let along = _mm_cvtss_f32(_mm_permute_ps::<0b10>(slopes));
-            let reach = if reach <= MOST_REACH {
-                reach
-            } else {
-                f32::INFINITY
-            };
-            let (slope, blur) = (SLOPE * reach, BLUR * reach);
-            Self {
-                origin: in_memory(turned(origin)),
-                direction: in_memory(turned(exact)),
-                shear: in_memory(shear),
-                rows: [axes[0], axes[1], axes[2]].map(|axis| axis.cast_unsigned() as usize * ROW),
-                slope,
-                least: slope * blur + f32::MIN_POSITIVE,
-                per_step: along.abs(),
-                slack: PER_STEP * steps * along.abs(),
-                turn: if along > 0.0 { -0.0 } else { 0.0 },
-                start: t_min * steps,
-                farthest: 4.0 * reach,
-                t_min,
-                t_max,
-                keep: if reach.is_infinite() { u32::MAX } else { 0 },
-            }
+        const ROWS: [[usize; 3]; 3] = [[ROW, 2 * ROW, 0], [2 * ROW, 0, ROW], [0, ROW, 2 * ROW]];
+        let size = sizes(ray.direction);
+        let less = _mm_cmplt_ps(
+            _mm_permute_ps::<0b00_00_01_00>(size),
+            _mm_permute_ps::<0b00_10_10_01>(size),
+        );
+        let along = ALONG[(_mm_movemask_ps(less).cast_unsigned() & 0b111) as usize];
+        let axes = &AXES[along];
+        // SAFETY: a load of four numbers from an array of four.
+        let turn = unsafe { _mm_loadu_si128(axes.as_ptr().cast()) };
+        let in_memory = |x: __m128| bytemuck::must_cast::<__m128, [f32; 4]>(x);
+        let direction = _mm_permutevar_ps(ray.direction, turn);
+        let all_along = _mm_permute_ps::<0b10_10_10_10>(direction);
+        let signed_speed = _mm_cvtss_f32(all_along);
+        let speed = signed_speed.abs();
+        let reach = ray.reach(frame);
+        let slope = SLOPE * reach;
+        Self {
+            origin: in_memory(_mm_permutevar_ps(ray.origin, turn)),
+            direction: in_memory(direction),
+            shear: in_memory(_mm_div_ps(direction, all_along)),
+            rows: ROWS[along],
+            slope,
+            least: slope * (BLUR * reach) + f32::MIN_POSITIVE,
+            turn: if signed_speed > 0.0 { -0.0 } else { 0.0 },
+            underflow: PER_STEP * speed + f32::MIN_POSITIVE,
+            start: ray.t_min * speed,
+            speed,
+            per_depth: 1.0 / speed,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
         }
     }
 }
 
-#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-#[inline]
-pub(super) fn visit<C: Collect, P: Probe>(
-    simd: Avx2,
-    test: &Avx2Test,
-    blocks: &[Block],
-    limit: f32,
-    collector: &mut C,
-    probe: &mut P,
-) -> ControlFlow<()> {
-    for block in blocks {
-        probe.block();
-        let candidates = candidates::<C>(test, block, limit);
-        if candidates.is_one_sure {
-            collector.take_any();
-            return ControlFlow::Break(());
-        }
-        let mut lanes = candidates.lanes;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % WIDTH;
-            lanes &= lanes - 1;
-            probe.decision();
-            if let Some(hit) = decide(simd, test, block, lane) {
-                collector.take(hit)?;
-            }
-        }
-    }
-    ControlFlow::Continue(())
+/// Triangles of a block that a ray may hit, a bit for each.
+#[derive(Clone, Copy)]
+pub(super) struct Candidates {
+    /// Lanes that the ray may hit between its start and the limit.
+    pub(super) lanes: u32,
+    /// Those of them that it surely hits there.
+    pub(super) sure: u32,
+    /// The depth of a hit is between these.
+    first: __m256,
+    last: __m256,
 }
 
-/// The lanes that [`TriangleTest::certainly_misses`](crate::triangle::TriangleTest::certainly_misses) does not reject, and whose hit
-/// may be between the ends of the ray.
+/// The triangles of a block that [`TriangleTest::certainly_misses`](crate::triangle::TriangleTest::certainly_misses) does not
+/// reject, and whose hit may be between the start of the ray and the depth `limit`. `None` if there is none.
 ///
-/// The first part is the same computation, with fused multiply-adds, which only makes its errors smaller.
+/// The first part is the computation of that function, with fused multiply-adds, which only makes its errors smaller. Up to
+/// [`MOST_USUAL`](kd_wide::MOST_USUAL) nothing overflows: sheared coordinates are below 2³⁹, edge functions below 2⁸⁰.
 ///
-/// The second part tests the few remaining lanes by a closer bound: all coordinates of a corner, from the origin, are at
-/// most L = M + Z, the largest sheared coordinate and the largest one along, so that L replaces the reach R. The errors are:
-/// uL moving a corner, uZ and uZ of the shear and its product's factor, uM rounding it, and u/4 M of the
-/// rounding to 26 bits that decides: 4uL and a little for e. Then 4uM² + 4eM + 2e² ≤ 20uLM and a little; the bound B here is
-/// twice that, 40uL (M + 8uL).
+/// # The closer bound
 ///
-/// A hit lies T / D along, where T = Σ w z, D = Σ w with the weights w, the edge functions, and the corners' z. Each w errs by
-/// B/2, so D by 3B/2; T by 3B/2 Z, by 6uM²L for errors of z, and by 24uM²Z for rounding: together no more than 2BL. So T - sD is
-/// within 2B (L + |s|) of what it stands for, for any s along, such as the ends of the ray; that leaves room for rounding it, and
-/// s, and for the rounding of `t` to f32.
+/// The second part tests the few remaining lanes by a closer bound. Let u = 2⁻²⁴. All coordinates of a corner, from the origin,
+/// are at most L = M + Z, the largest sheared coordinate and the largest one along, so that L replaces the reach R. The
+/// errors of sheared coordinates are: uL moving a corner, uZ and uZ of the shear and its product's factor, uM rounding it, and
+/// u/4 M of the rounding to 26 bits that decides: 4uL and a little for e. Then 4uM² + 4eM + 2e² ≤ 20uLM and a little bounds the
+/// error of a weight, an edge function; the bound B here is twice that, 40uL (M + 8uL). Underflow is less than the smallest
+/// normal number, which is added.
+///
+/// # Triangles that are surely hit
+///
+/// Where all three weights w are beyond B, on one side, those that [decide](View::hit) are on the same side and not zero. The
+/// same holds for the finer weights, whose coordinates are not rounded to 26 bits, and their sum is above
+/// 3B - 3B/2 ≥ 60uM², so they are sound, and the hit is [the one that they give](View::sure_hit).
+///
+/// # The interval of depths
+///
+/// Let z be the depth of a corner, d = z - `z_a` for corners b and c and 0 for a, S the larger |d|, W the weights of the
+/// decision, D = Σ w, f = Σ w d / D, and f' = Σ W d / Σ W. The hit is at the depth `z_a` + f'. Since
+///
+/// ```text
+/// f - f' = Σ (w - W) (d - f') / D
+/// ```
+/// and each |w - W| ≤ B/2, and f' is between the least and the largest d, whose difference is at most 2S, so that the three
+/// |d - f'| add up to at most 4S, we have |f - f'| ≤ 2BS / |D|. The first term below is half as much again.
+///
+/// The second term is for rounding, with S ≤ 2Z ≤ 2L and Σ |w d / D| ≤ S: 4u of each w / D, together 8uL; u of each d and
+/// 2uZ of its two coordinates, together 4uL; uL of the coordinate of a; uL for each of two fused multiply-adds; uL when `t` is
+/// rounded to f32; uL when an end is; uL of the limit or the start, which are products of a `t` near this one. That is 18uL,
+/// while we allow 24uL, and PER_STEP where `t` underflows.
+///
+/// Where a weight is within B, the hit is somewhere in the triangle, between `z_a` - S and `z_a` + S.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn candidates<C: Collect>(test: &Avx2Test, block: &Block, limit: f32) -> Candidates {
-    const U: f32 = f32::EPSILON / 2.0;
+pub(super) fn candidates(ray: &TriangleRay, block: &Block, limit: f32) -> Option<Candidates> {
     let sign = _mm256_set1_ps(-0.0);
     let away = |x: __m256| _mm256_andnot_ps(sign, x);
     let minus = |x: __m256| _mm256_xor_ps(sign, x);
-    let [(a, along_a), (b, along_b), (c, along_c)] =
-        block.corners.each_ref().map(|rows| sheared(test, rows));
+    let largest = |a: __m256, b: __m256, c: __m256| _mm256_max_ps(_mm256_max_ps(a, b), c);
+    let (a, depth_a) = sheared(ray, &block.corners[0]);
+    let (b, depth_b) = sheared(ray, &block.corners[1]);
+    let (c, depth_c) = sheared(ray, &block.corners[2]);
     let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
     let size = |[x, y]: [__m256; 2]| _mm256_max_ps(away(x), away(y));
-    let size = _mm256_max_ps(_mm256_max_ps(size(a), size(b)), size(c));
-    let bound = _mm256_fmadd_ps(_mm256_set1_ps(test.slope), size, _mm256_set1_ps(test.least));
+    let size = largest(size(a), size(b), size(c));
+    let bound = _mm256_fmadd_ps(in_all(&ray.slope), size, in_all(&ray.least));
     let least = _mm256_min_ps(_mm256_min_ps(u, v), w);
-    let most = _mm256_max_ps(_mm256_max_ps(u, v), w);
-    // False for NaN: in lanes without a triangle, or where the filter is off.
+    let most = largest(u, v, w);
+    // False for NaN: in lanes without a triangle.
     let above = _mm256_cmp_ps::<_CMP_GE_OQ>(least, minus(bound));
     let below = _mm256_cmp_ps::<_CMP_LE_OQ>(most, bound);
-    let keep = _mm256_castsi256_ps(_mm256_set1_epi32(test.keep.cast_signed()));
-    let left = _mm256_or_ps(_mm256_or_ps(above, below), keep);
+    let left = _mm256_or_ps(above, below);
     if _mm256_testz_ps(left, left) != 0 {
-        return Candidates {
-            lanes: 0,
-            is_one_sure: false,
-        };
+        return None;
     }
 
-    let depth = _mm256_max_ps(_mm256_max_ps(away(along_a), away(along_b)), away(along_c));
-    let reach = _mm256_add_ps(size, depth);
+    let area = _mm256_add_ps(_mm256_add_ps(u, v), w);
+    let inverse = _mm256_div_ps(_mm256_set1_ps(1.0), area);
+    let (to_b, to_c) = (
+        _mm256_sub_ps(depth_b, depth_a),
+        _mm256_sub_ps(depth_c, depth_a),
+    );
+    let reach = _mm256_add_ps(size, largest(away(depth_a), away(depth_b), away(depth_c)));
     let bound = _mm256_fmadd_ps(
         _mm256_mul_ps(reach, _mm256_set1_ps(40.0 * U)),
         _mm256_fmadd_ps(reach, _mm256_set1_ps(8.0 * U), size),
         _mm256_set1_ps(f32::MIN_POSITIVE),
     );
-    let area = _mm256_add_ps(_mm256_add_ps(u, v), w);
-    let winding = _mm256_and_ps(sign, area);
-    let area = away(area);
-    let t = _mm256_fmadd_ps(
-        u,
-        along_a,
-        _mm256_fmadd_ps(v, along_b, _mm256_mul_ps(w, along_c)),
+    let is_inside = _mm256_or_ps(
+        _mm256_cmp_ps::<_CMP_GT_OQ>(least, bound),
+        _mm256_cmp_ps::<_CMP_LT_OQ>(most, minus(bound)),
     );
-    let t = _mm256_xor_ps(t, _mm256_xor_ps(winding, _mm256_set1_ps(test.turn)));
-    let start = test.start * test.per_step;
-    let limit = (limit * test.per_step).min(test.farthest);
-    let before = _mm256_fmsub_ps(_mm256_set1_ps(start), area, t);
-    let beyond = _mm256_fnmadd_ps(_mm256_set1_ps(limit), area, t);
-    // Underflow here is less than the last term.
-    let underflow = _mm256_fmadd_ps(
-        area,
-        _mm256_set1_ps(test.slack),
-        _mm256_set1_ps(f32::MIN_POSITIVE),
+    let depth = _mm256_fmadd_ps(
+        _mm256_mul_ps(v, inverse),
+        to_b,
+        _mm256_fmadd_ps(_mm256_mul_ps(w, inverse), to_c, depth_a),
     );
-    let error = |end: f32| {
-        let size = _mm256_add_ps(reach, _mm256_set1_ps(end.abs()));
-        _mm256_fmadd_ps(_mm256_add_ps(bound, bound), size, underflow)
-    };
-    let (error_before, error_beyond) = (error(start), error(limit));
+    let spread = _mm256_max_ps(away(to_b), away(to_c));
+    let rounding = _mm256_fmadd_ps(reach, _mm256_set1_ps(24.0 * U), in_all(&ray.underflow));
+    let error = _mm256_fmadd_ps(
+        _mm256_mul_ps(away(inverse), spread),
+        _mm256_mul_ps(bound, _mm256_set1_ps(3.0)),
+        rounding,
+    );
+    let depth = _mm256_blendv_ps(depth_a, depth, is_inside);
+    let depth = _mm256_xor_ps(depth, in_all(&ray.turn));
+    let error = _mm256_blendv_ps(_mm256_add_ps(spread, rounding), error, is_inside);
+    let (first, last) = (_mm256_sub_ps(depth, error), _mm256_add_ps(depth, error));
+    let (start, limit) = (in_all(&ray.start), _mm256_set1_ps(limit));
     let is_out = _mm256_or_ps(
-        _mm256_cmp_ps::<_CMP_GT_OQ>(before, error_before),
-        _mm256_cmp_ps::<_CMP_GT_OQ>(beyond, error_beyond),
+        _mm256_cmp_ps::<_CMP_GT_OQ>(first, limit),
+        _mm256_cmp_ps::<_CMP_LT_OQ>(last, start),
     );
-    let left = _mm256_andnot_ps(_mm256_andnot_ps(keep, is_out), left);
-    let is_one_sure = C::ANY && {
-        let is_inside = _mm256_or_ps(
-            _mm256_cmp_ps::<_CMP_GT_OQ>(least, bound),
-            _mm256_cmp_ps::<_CMP_LT_OQ>(most, minus(bound)),
-        );
-        let is_between = _mm256_and_ps(
-            _mm256_cmp_ps::<_CMP_LT_OQ>(before, minus(error_before)),
-            _mm256_cmp_ps::<_CMP_LT_OQ>(beyond, minus(error_beyond)),
-        );
-        let is_sure = _mm256_andnot_ps(keep, _mm256_and_ps(is_inside, is_between));
-        _mm256_movemask_ps(is_sure) != 0
-    };
-    Candidates {
-        lanes: _mm256_movemask_ps(left).cast_unsigned(),
-        is_one_sure,
+    let is_candidate = _mm256_andnot_ps(is_out, left);
+    let lanes = _mm256_movemask_ps(is_candidate).cast_unsigned();
+    if lanes == 0 {
+        return None;
+    }
+    let is_between = _mm256_and_ps(
+        _mm256_cmp_ps::<_CMP_GT_OQ>(first, start),
+        _mm256_cmp_ps::<_CMP_LT_OQ>(last, limit),
+    );
+    let is_sure = _mm256_and_ps(_mm256_and_ps(is_inside, is_between), is_candidate);
+    Some(Candidates {
+        lanes,
+        sure: _mm256_movemask_ps(is_sure).cast_unsigned(),
+        first,
+        last,
+    })
+}
+
+impl Candidates {
+    /// Without those that are behind a sure one.
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    pub(super) fn in_front(self) -> Self {
+        if self.sure == 0 || self.lanes & (self.lanes - 1) == 0 {
+            return self;
+        }
+        let mut ends = [f32::INFINITY; WIDTH];
+        // SAFETY: room for eight.
+        unsafe { _mm256_storeu_ps(ends.as_mut_ptr(), self.last) };
+        let mut limit = f32::INFINITY;
+        let mut sure = self.sure;
+        while sure != 0 {
+            limit = kd_simd::min(ends[sure.trailing_zeros() as usize % WIDTH], limit);
+            sure &= sure - 1;
+        }
+        let is_behind = _mm256_cmp_ps::<_CMP_GT_OQ>(self.first, _mm256_set1_ps(limit));
+        let behind = _mm256_movemask_ps(is_behind).cast_unsigned();
+        Self {
+            lanes: self.lanes & !behind,
+            sure: self.sure & !behind,
+            ..self
+        }
+    }
+
+    /// The least and the largest depth of a hit in a lane.
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    pub(super) fn interval(&self, lane: u32) -> [f32; 2] {
+        let lane = _mm256_castsi128_si256(_mm_cvtsi32_si128(lane.cast_signed()));
+        [self.first, self.last].map(|x| _mm256_cvtss_f32(_mm256_permutevar8x32_ps(x, lane)))
     }
 }
 
 /// A corner of eight triangles, negated: from the corner to the origin, across and along.
-#[target_feature(enable = "avx2,fma")]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn sheared(test: &Avx2Test, corner: &[[f32; WIDTH]; 3]) -> ([__m256; 2], __m256) {
+fn sheared(ray: &TriangleRay, corner: &[[f32; WIDTH]; 3]) -> ([__m256; 2], __m256) {
     let base: *const u8 = (&raw const *corner).cast();
     let from_origin = |axis: usize| {
         // SAFETY: the offset of a row of the corner.
-        let row = unsafe { _mm256_load_ps(base.add(test.rows[axis]).cast()) };
-        _mm256_sub_ps(_mm256_set1_ps(test.origin[axis]), row)
+        let row = unsafe { _mm256_load_ps(base.add(ray.rows[axis]).cast()) };
+        _mm256_sub_ps(in_all(&ray.origin[axis]), row)
     };
-    let [x, y, along] = [from_origin(0), from_origin(1), from_origin(2)];
-    let x = _mm256_fnmadd_ps(_mm256_set1_ps(test.shear[0]), along, x);
-    let y = _mm256_fnmadd_ps(_mm256_set1_ps(test.shear[1]), along, y);
+    let along = from_origin(2);
+    let x = _mm256_fnmadd_ps(in_all(&ray.shear[0]), along, from_origin(0));
+    let y = _mm256_fnmadd_ps(in_all(&ray.shear[1]), along, from_origin(1));
     ([x, y], along)
 }
 
-#[target_feature(enable = "avx2,fma")]
+/// A number of a ray, which may just have been written, in all lanes.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn in_all(number: &f32) -> __m256 {
+    _mm256_set1_ps(read_alone(number))
+}
+
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn edge(p: [__m256; 2], q: [__m256; 2]) -> __m256 {
     _mm256_fmsub_ps(p[0], q[1], _mm256_mul_ps(p[1], q[0]))
 }
 
-/// The decision for one triangle, with its three corners in a register.
-///
-/// Inlined, so that a hit stays in registers. (Returned through memory, it took 6 % of the time of random rays in a game level:
-/// `cargo xtask rays --scenes DIR --scene czest2ctf`, 2026-11-30.)
-#[inline(always)]
-fn decide(simd: Avx2, test: &Avx2Test, block: &Block, lane: usize) -> Option<Hit> {
-    let from_origin = |axis: usize| {
-        let corners = block.corners.each_ref().map(|rows| {
+impl TriangleRay {
+    /// A coordinate of the three corners of a triangle.
+    #[inline(always)]
+    fn coordinates(&self, block: &Block, lane: usize, axis: usize) -> [f32; 3] {
+        let [a, b, c] = &block.corners;
+        let of = |rows: &[[f32; WIDTH]; 3]| {
             let base: *const u8 = (&raw const *rows).cast();
             // SAFETY: the offset of a row of the corner.
-            let row = unsafe { &*base.add(test.rows[axis]).cast::<[f32; WIDTH]>() };
+            let row = unsafe { &*base.add(self.rows[axis]).cast::<[f32; WIDTH]>() };
             row[lane]
+        };
+        [of(a), of(b), of(c)]
+    }
+
+    /// The decision for one triangle, with its three corners in a register.
+    ///
+    /// Inlined, so that a hit stays in registers. (Returned through memory, it took 6 % of the time of random rays in a game level:
+    /// `cargo xtask rays --scenes DIR --scene czest2ctf`, 2026-11-30.)
+    #[inline(always)]
+    pub(super) fn decide(&self, simd: Avx2, block: &Block, lane: usize) -> Option<Hit> {
+        let corners = each([0, 1, 2], |axis| {
+            let corners = self.coordinates(block, lane, axis);
+            simd.triple(corners).minus(self.origin[axis].into())
         });
-        simd.triple(corners).minus(test.origin[axis].into())
-    };
-    let corners = [from_origin(0), from_origin(1), from_origin(2)];
-    let [dx, dy, along, _] = test.direction;
-    let [shear_x, shear_y, scale] = simd.triple([dx, dy, 1.0]).over(along.into());
-    let view = View {
-        shear: [shear_x, shear_y],
-        scale,
-    };
-    view.hit(corners, [test.t_min, test.t_max], block.triangles[lane])
+        let [dx, dy, along, _] = self.direction;
+        let [shear_x, shear_y, scale] = simd.triple([dx, dy, 1.0]).over(along.into());
+        let view = View {
+            shear: [shear_x, shear_y],
+            scale,
+        };
+        view.hit(corners, [self.t_min, self.t_max], block.triangles[lane])
+    }
+
+    /// The hit of a triangle that is [surely hit](candidates).
+    #[inline(always)]
+    pub(super) fn hit(&self, block: &Block, lane: usize) -> Hit {
+        let corners = each([0, 1, 2], |axis| {
+            let [a, b, c] = self.coordinates(block, lane, axis);
+            Three([a.into(), b.into(), c.into()]).minus(self.origin[axis].into())
+        });
+        let [dx, dy, along, _] = each(self.direction, f64::from);
+        let view = View {
+            shear: [dx / along, dy / along],
+            scale: 1.0 / along,
+        };
+        view.sure_hit(corners, block.triangles[lane])
+    }
 }

@@ -1,0 +1,441 @@
+//! One ray alone: one loop, with its state in registers.
+//!
+//! It differs from [`walk`](crate::wide::walk), which is for rays that are prepared already, in this:
+//!
+//! - The ray is prepared for triangles when it meets its first leaf. Many rays meet none.
+//! - The closest hit is decided in f64 once, at the end. On the way each candidate is known by the
+//!   [interval of its depth](candidates), and the nearest one that is surely hit ends the ray. Candidates are decided at once only
+//!   where intervals overlap, or where a hit is not sure.
+//! - The hit is returned in registers.
+
+use std::arch::x86_64::*;
+use std::ops::ControlFlow;
+
+use kd_core::{Hit, Ray};
+use kd_simd::{Avx2, min};
+use kd_wide::{Block, WIDTH, WideTree};
+
+use super::nodes::{NodeRay, Numbers, Prepared, enter};
+use super::triangles::{TriangleRay, candidates};
+use super::{Avx2Ray, opaque};
+use crate::collect::{self, Collect};
+use crate::dispatch::NO_HIT;
+use crate::probe::Probe;
+use crate::wide::stack::Stack;
+use crate::wide::walk::walk;
+
+/// The closest hit, or [`NO_HIT`].
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline(never)]
+pub(super) fn closest<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &mut P) -> Hit {
+    let numbers = Numbers::one_by_one(ray);
+    match NodeRay::usual(&numbers, tree.frame()) {
+        Prepared::Miss => NO_HIT,
+        Prepared::Unusual => {
+            let mut closest = collect::Closest::default();
+            trace_unusual(simd, tree, ray, &mut closest, probe);
+            closest.0.unwrap_or(NO_HIT)
+        }
+        Prepared::Usual(nodes) => {
+            let mut query = Closest {
+                simd,
+                limit: nodes.end,
+                limit_depth: f32::INFINITY,
+                sure: None,
+                first: f32::INFINITY,
+                best: NO_HIT,
+            };
+            let triangles = trace(tree, &numbers, &nodes, &mut query, probe);
+            match (query.sure, triangles) {
+                (Some((block, lane)), Some(ray)) => {
+                    probe.decision();
+                    ray.hit(block, lane)
+                }
+                _ => query.best,
+            }
+        }
+    }
+}
+
+/// Whether there is a hit.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline(never)]
+pub(super) fn any<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+    let numbers = Numbers::one_by_one(ray);
+    match NodeRay::usual(&numbers, tree.frame()) {
+        Prepared::Miss => false,
+        Prepared::Unusual => {
+            let mut any = collect::Any::default();
+            trace_unusual(simd, tree, ray, &mut any, probe);
+            any.0
+        }
+        Prepared::Usual(nodes) => {
+            let mut query = Any {
+                simd,
+                limit: nodes.end,
+                limit_depth: f32::INFINITY,
+                is_hit: false,
+            };
+            trace(tree, &numbers, &nodes, &mut query, probe);
+            query.is_hit
+        }
+    }
+}
+
+/// Gives the collector every hit that it may want, roughly front to back.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline(never)]
+pub(super) fn collect<C: Collect, P: Probe>(
+    simd: Avx2,
+    tree: &WideTree,
+    ray: &Ray,
+    collector: &mut C,
+    probe: &mut P,
+) {
+    let numbers = Numbers::one_by_one(ray);
+    match NodeRay::usual(&numbers, tree.frame()) {
+        Prepared::Miss => {}
+        Prepared::Unusual => trace_unusual(simd, tree, ray, collector, probe),
+        Prepared::Usual(nodes) => {
+            let mut query = Collecting {
+                simd,
+                limit: nodes.end,
+                limit_depth: f32::INFINITY,
+                collector,
+            };
+            trace(tree, &numbers, &nodes, &mut query, probe);
+        }
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn trace_unusual<C: Collect, P: Probe>(
+    simd: Avx2,
+    tree: &WideTree,
+    ray: &Ray,
+    collector: &mut C,
+    probe: &mut P,
+) {
+    if let Some(ray) = Avx2Ray::new(simd, ray, tree.frame()) {
+        walk(tree, &ray, collector, probe);
+    }
+}
+
+/// What a usual ray looks for, and what it has found.
+trait Query<'a> {
+    /// Whether the first hit found ends the search.
+    const ANY: bool;
+
+    /// Where the ray ends, in steps.
+    fn limit(&self) -> f32;
+
+    /// Before the first leaf.
+    fn begin_leaves(&mut self, ray: &TriangleRay);
+
+    /// Tests the triangles of a block. Breaks if no other hit can matter.
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &'a Block,
+        probe: &mut P,
+    ) -> ControlFlow<()>;
+}
+
+/// The traversal loop. Returns the ray as it was prepared for triangles, if it met some.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn trace<'a, Q: Query<'a>, P: Probe>(
+    tree: &'a WideTree,
+    numbers: &Numbers,
+    nodes: &NodeRay,
+    query: &mut Q,
+    probe: &mut P,
+) -> Option<TriangleRay> {
+    let rows = nodes.rows;
+    let mut triangles = None;
+    let mut stack = Stack::new();
+    let mut pending = stack.pending();
+    let mut child = tree.root();
+    loop {
+        if !child.is_leaf() {
+            // Loaded again after each leaf: its triangles need the registers.
+            let axes = opaque(nodes).broadcast();
+            let limit = _mm256_set1_ps(query.limit());
+            loop {
+                probe.node();
+                // SAFETY: the root or a child of a node, and no leaf.
+                let node = unsafe { tree.node(child) };
+                let before = pending.len();
+                let entered = if Q::ANY {
+                    enter::<true>(node, rows, &axes, limit, &mut pending)
+                } else {
+                    enter::<false>(node, rows, &axes, limit, &mut pending)
+                };
+                let next = match entered {
+                    None if Q::ANY => pending.pop_any(),
+                    None => pending.pop(query.limit()),
+                    next => {
+                        for place in before..pending.len() {
+                            tree.prefetch(pending.child(place));
+                        }
+                        next
+                    }
+                };
+                let Some(next) = next else { return triangles };
+                child = next;
+                if child.is_leaf() {
+                    break;
+                }
+            }
+        }
+        // SAFETY: the root or a child of a node, and a leaf.
+        let blocks = unsafe { tree.leaf(child) };
+        probe.leaf(|| blocks.iter().map(Block::count).sum());
+        let ray = triangles.get_or_insert_with(|| {
+            let ray = TriangleRay::new(numbers, tree.frame());
+            query.begin_leaves(&ray);
+            ray
+        });
+        for block in blocks {
+            probe.block();
+            // Each block loads the numbers of the ray again: in registers they would leave none for the triangles.
+            if query.visit(opaque(ray), block, probe).is_break() {
+                return triangles;
+            }
+        }
+        let next = if Q::ANY {
+            pending.pop_any()
+        } else {
+            pending.pop(query.limit())
+        };
+        let Some(next) = next else { return triangles };
+        child = next;
+    }
+}
+
+/// The closest hit.
+struct Closest<'a> {
+    simd: Avx2,
+    /// No hit behind these matters: in steps, and as a depth.
+    limit: f32,
+    limit_depth: f32,
+    /// A triangle that is surely hit, before `best` and at `first` or behind it.
+    sure: Option<(&'a Block, usize)>,
+    first: f32,
+    /// The first decided hit, or [`NO_HIT`].
+    best: Hit,
+}
+
+impl<'a> Query<'a> for Closest<'a> {
+    const ANY: bool = false;
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn begin_leaves(&mut self, ray: &TriangleRay) {
+        self.limit_depth = self.limit * ray.speed;
+    }
+
+    #[inline(always)]
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &'a Block,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        // SAFETY: there is an `Avx2`.
+        unsafe { self.visit(ray, block, probe) };
+        ControlFlow::Continue(())
+    }
+}
+
+impl<'a> Closest<'a> {
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    fn visit<P: Probe>(&mut self, ray: &TriangleRay, block: &'a Block, probe: &mut P) {
+        let Some(candidates) = candidates(ray, block, self.limit_depth) else {
+            return;
+        };
+        let candidates = candidates.in_front();
+        let lanes = candidates.lanes;
+        if lanes & (lanes - 1) == 0 {
+            let lane = lanes.trailing_zeros();
+            let [first, last] = candidates.interval(lane);
+            let lane = lane as usize % WIDTH;
+            if candidates.sure != 0 && last < self.first {
+                self.sure = Some((block, lane));
+                self.first = first;
+                self.limit_depth = last;
+                // Two roundings: the bound between planes and hits has room for them.
+                self.limit = last * ray.per_depth;
+                return;
+            }
+            let is_known = self
+                .sure
+                .is_some_and(|(other, l)| other.triangles[l] == block.triangles[lane])
+                && (first == self.first) & (last == self.limit_depth);
+            if is_known {
+                return;
+            }
+        }
+        probe.decision();
+        self.best = decide_closest(self.simd, ray, self.sure, self.best, block, lanes);
+        self.sure = None;
+        self.first = f32::INFINITY;
+        // False for `NO_HIT`.
+        if self.best.t <= self.limit {
+            self.limit = self.best.t;
+            self.limit_depth = min(self.limit_depth, self.best.t * ray.speed);
+        }
+    }
+}
+
+/// The first of a triangle that is surely hit, a decided hit, and some lanes of a block.
+#[cold]
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn decide_closest(
+    simd: Avx2,
+    ray: &TriangleRay,
+    sure: Option<(&Block, usize)>,
+    best: Hit,
+    block: &Block,
+    lanes: u32,
+) -> Hit {
+    let mut best = best;
+    let mut keep_first = |hit: Hit| {
+        if best.t.is_nan() || hit.is_before(&best) {
+            best = hit;
+        }
+    };
+    if let Some((block, lane)) = sure {
+        keep_first(ray.hit(block, lane));
+    }
+    for lane in Lanes(lanes) {
+        if let Some(hit) = ray.decide(simd, block, lane) {
+            keep_first(hit);
+        }
+    }
+    best
+}
+
+/// Any hit.
+struct Any {
+    simd: Avx2,
+    limit: f32,
+    limit_depth: f32,
+    is_hit: bool,
+}
+
+impl<'a> Query<'a> for Any {
+    const ANY: bool = true;
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn begin_leaves(&mut self, ray: &TriangleRay) {
+        self.limit_depth = self.limit * ray.speed;
+    }
+
+    #[inline(always)]
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &'a Block,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        // SAFETY: there is an `Avx2`.
+        self.is_hit = unsafe {
+            candidates(ray, block, self.limit_depth).is_some_and(|candidates| {
+                candidates.sure != 0 || {
+                    probe.decision();
+                    decide_any(self.simd, ray, block, candidates.lanes)
+                }
+            })
+        };
+        if self.is_hit {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+}
+
+/// Whether some lane of a block is hit.
+#[cold]
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn decide_any(simd: Avx2, ray: &TriangleRay, block: &Block, lanes: u32) -> bool {
+    for lane in Lanes(lanes) {
+        if ray.decide(simd, block, lane).is_some() {
+            return true;
+        }
+    }
+    false
+}
+
+/// Every hit that a collector may want.
+struct Collecting<'c, C> {
+    simd: Avx2,
+    limit: f32,
+    limit_depth: f32,
+    collector: &'c mut C,
+}
+
+impl<'a, C: Collect> Query<'a> for Collecting<'_, C> {
+    const ANY: bool = C::ANY;
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn begin_leaves(&mut self, ray: &TriangleRay) {
+        self.limit_depth = self.limit * ray.speed;
+    }
+
+    #[inline(always)]
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &'a Block,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        // SAFETY: there is an `Avx2`.
+        let candidates = unsafe { candidates(ray, block, self.limit_depth) };
+        for lane in Lanes(candidates.map_or(0, |candidates| candidates.lanes)) {
+            probe.decision();
+            if let Some(hit) = ray.decide(self.simd, block, lane) {
+                self.collector.take(hit)?;
+                self.limit = min(self.collector.limit(), self.limit);
+                self.limit_depth = self.limit * ray.speed;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// The lanes of a set, in order.
+struct Lanes(u32);
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let lane = self.0.trailing_zeros() as usize % WIDTH;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
