@@ -127,7 +127,7 @@ impl Avx2Ray {
     ) -> ControlFlow<()> {
         for block in blocks {
             probe.block();
-            let Some(candidates) = candidates(ray, block, limit * ray.speed) else {
+            let Some(candidates) = candidates::<(C, P)>(ray, block, limit * ray.speed) else {
                 continue;
             };
             if C::ANY && candidates.sure != 0 {

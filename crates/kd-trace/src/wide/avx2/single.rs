@@ -110,6 +110,7 @@ pub(super) fn collect<C: Collect, P: Probe>(
 
 #[cold]
 #[inline(never)]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 fn trace_unusual<C: Collect, P: Probe>(
     simd: Avx2,
     tree: &WideTree,
@@ -257,7 +258,7 @@ impl<'a> Closest<'a> {
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
     fn visit<P: Probe>(&mut self, ray: &TriangleRay, block: &'a Block, probe: &mut P) {
-        let Some(candidates) = candidates(ray, block, self.limit_depth) else {
+        let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
             return;
         };
         let candidates = candidates.in_front();
@@ -353,7 +354,7 @@ impl<'a> Query<'a> for Any {
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
         self.is_hit = unsafe {
-            candidates(ray, block, self.limit_depth).is_some_and(|candidates| {
+            candidates::<(Self, P)>(ray, block, self.limit_depth).is_some_and(|candidates| {
                 candidates.sure != 0 || {
                     probe.decision();
                     decide_any(self.simd, ray, block, candidates.lanes)
@@ -410,17 +411,54 @@ impl<'a, C: Collect> Query<'a> for Collecting<'_, C> {
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        let candidates = unsafe { candidates(ray, block, self.limit_depth) };
-        for lane in Lanes(candidates.map_or(0, |candidates| candidates.lanes)) {
-            probe.decision();
-            if let Some(hit) = ray.decide(self.simd, block, lane) {
-                self.collector.take(hit)?;
-                self.limit = min(self.collector.limit(), self.limit);
-                self.limit_depth = self.limit * ray.speed;
-            }
-        }
+        unsafe { self.visit(ray, block, probe) }
+    }
+}
+
+impl<C: Collect> Collecting<'_, C> {
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &Block,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
+            return ControlFlow::Continue(());
+        };
+        take_each(
+            self.simd,
+            ray,
+            block,
+            candidates.lanes,
+            self.collector,
+            probe,
+        )?;
+        self.limit = min(self.collector.limit(), self.limit);
+        self.limit_depth = self.limit * ray.speed;
         ControlFlow::Continue(())
     }
+}
+
+/// Passes the hits of some lanes of a block to a collector. Breaks if the collector does.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn take_each<C: Collect, P: Probe>(
+    simd: Avx2,
+    ray: &TriangleRay,
+    block: &Block,
+    lanes: u32,
+    collector: &mut C,
+    probe: &mut P,
+) -> ControlFlow<()> {
+    for lane in Lanes(lanes) {
+        probe.decision();
+        if let Some(hit) = ray.decide(simd, block, lane) {
+            collector.take(hit)?;
+        }
+    }
+    ControlFlow::Continue(())
 }
 
 /// The lanes of a set, in order.

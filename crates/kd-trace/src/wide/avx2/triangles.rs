@@ -6,7 +6,7 @@
 use std::arch::x86_64::*;
 
 use kd_core::Hit;
-use kd_simd::{Avx2, Simd as _, Three, Triple as _, each};
+use kd_simd::{Avx2, Simd as _, Three, Triple as _};
 use kd_wide::{Block, WIDTH};
 
 use super::nodes::{Numbers, sizes};
@@ -138,9 +138,15 @@ pub(super) struct Candidates {
 /// while we allow 24uL, and PER_STEP where `t` underflows.
 ///
 /// Where a weight is within B, the hit is somewhere in the triangle, between `z_a` - S and `z_a` + S.
+///
+/// Each `Caller` gets a copy of its own, which the compiler inlines.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-pub(super) fn candidates(ray: &TriangleRay, block: &Block, limit: f32) -> Option<Candidates> {
+pub(super) fn candidates<Caller>(
+    ray: &TriangleRay,
+    block: &Block,
+    limit: f32,
+) -> Option<Candidates> {
     let sign = _mm256_set1_ps(-0.0);
     let away = |x: __m256| _mm256_andnot_ps(sign, x);
     let minus = |x: __m256| _mm256_xor_ps(sign, x);
@@ -256,10 +262,9 @@ impl Candidates {
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn sheared(ray: &TriangleRay, corner: &[[f32; WIDTH]; 3]) -> ([__m256; 2], __m256) {
-    let base: *const u8 = (&raw const *corner).cast();
     let from_origin = |axis: usize| {
-        // SAFETY: the offset of a row of the corner.
-        let row = unsafe { _mm256_load_ps(base.add(ray.rows[axis]).cast()) };
+        // SAFETY: a row is aligned and eight numbers long.
+        let row = unsafe { _mm256_load_ps(row_of(corner, ray.rows[axis]).as_ptr()) };
         _mm256_sub_ps(in_all(&ray.origin[axis]), row)
     };
     let along = from_origin(2);
@@ -281,18 +286,30 @@ fn edge(p: [__m256; 2], q: [__m256; 2]) -> __m256 {
     _mm256_fmsub_ps(p[0], q[1], _mm256_mul_ps(p[1], q[0]))
 }
 
+/// The row of a corner at one of [`TriangleRay::rows`].
+#[inline(always)]
+fn row_of(corner: &[[f32; WIDTH]; 3], at: usize) -> &[f32; WIDTH] {
+    let base: *const u8 = (&raw const *corner).cast();
+    // SAFETY: the offset of a row of the corner.
+    unsafe { &*base.add(at).cast::<[f32; WIDTH]>() }
+}
+
+#[inline(always)]
+fn widened([a, b, c]: [f32; 3]) -> Three<f64> {
+    Three([a.into(), b.into(), c.into()])
+}
+
 impl TriangleRay {
     /// A coordinate of the three corners of a triangle.
     #[inline(always)]
     fn coordinates(&self, block: &Block, lane: usize, axis: usize) -> [f32; 3] {
         let [a, b, c] = &block.corners;
-        let of = |rows: &[[f32; WIDTH]; 3]| {
-            let base: *const u8 = (&raw const *rows).cast();
-            // SAFETY: the offset of a row of the corner.
-            let row = unsafe { &*base.add(self.rows[axis]).cast::<[f32; WIDTH]>() };
-            row[lane]
-        };
-        [of(a), of(b), of(c)]
+        let row = self.rows[axis];
+        [
+            row_of(a, row)[lane],
+            row_of(b, row)[lane],
+            row_of(c, row)[lane],
+        ]
     }
 
     /// The decision for one triangle, with its three corners in a register.
@@ -301,10 +318,14 @@ impl TriangleRay {
     /// `cargo xtask rays --scenes DIR --scene czest2ctf`, 2026-11-30.)
     #[inline(always)]
     pub(super) fn decide(&self, simd: Avx2, block: &Block, lane: usize) -> Option<Hit> {
-        let corners = each([0, 1, 2], |axis| {
-            let corners = self.coordinates(block, lane, axis);
-            simd.triple(corners).minus(self.origin[axis].into())
-        });
+        let corners = [
+            simd.triple(self.coordinates(block, lane, 0))
+                .minus(self.origin[0].into()),
+            simd.triple(self.coordinates(block, lane, 1))
+                .minus(self.origin[1].into()),
+            simd.triple(self.coordinates(block, lane, 2))
+                .minus(self.origin[2].into()),
+        ];
         let [dx, dy, along, _] = self.direction;
         let [shear_x, shear_y, scale] = simd.triple([dx, dy, 1.0]).over(along.into());
         let view = View {
@@ -317,11 +338,12 @@ impl TriangleRay {
     /// The hit of a triangle that is [surely hit](candidates).
     #[inline(always)]
     pub(super) fn hit(&self, block: &Block, lane: usize) -> Hit {
-        let corners = each([0, 1, 2], |axis| {
-            let [a, b, c] = self.coordinates(block, lane, axis);
-            Three([a.into(), b.into(), c.into()]).minus(self.origin[axis].into())
-        });
-        let [dx, dy, along, _] = each(self.direction, f64::from);
+        let corners = [
+            widened(self.coordinates(block, lane, 0)).minus(self.origin[0].into()),
+            widened(self.coordinates(block, lane, 1)).minus(self.origin[1].into()),
+            widened(self.coordinates(block, lane, 2)).minus(self.origin[2].into()),
+        ];
+        let [dx, dy, along] = widened([self.direction[0], self.direction[1], self.direction[2]]).0;
         let view = View {
             shear: [dx / along, dy / along],
             scale: 1.0 / along,
