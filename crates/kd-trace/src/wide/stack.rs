@@ -97,16 +97,16 @@ impl Pending<'_> {
         self.len
     }
 
-    /// The child of an entry.
+    /// The next child, at any distance, which stays.
     ///
     /// # Panics
     ///
-    /// If there is no such entry.
+    /// If nothing is pending.
     #[inline(always)]
-    pub(crate) fn child(&self, place: usize) -> Child {
-        assert!(place < self.len, "an entry");
+    pub(crate) fn last(&self) -> Child {
+        assert!(self.len > 0, "something is pending");
         // SAFETY: entries below `len` are written, so it is within the array.
-        unsafe { self.stack.child.get_unchecked(place).assume_init() }
+        unsafe { self.stack.child.get_unchecked(self.len - 1).assume_init() }
     }
 
     /// The next child, at any distance.

@@ -177,8 +177,9 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
                     None if Q::ANY => pending.pop_any(),
                     None => pending.pop(query.limit()),
                     next => {
-                        for place in before..pending.len() {
-                            tree.prefetch(pending.child(place));
+                        // The one after `next`. (To load all of them took 2 to 5 % longer.)
+                        if pending.len() > before {
+                            tree.prefetch(pending.last());
                         }
                         next
                     }
