@@ -25,7 +25,7 @@ pub const PLANES_ABOVE: usize = 1024;
 /// Items that are not divided.
 const FEW: usize = 8;
 /// An object split replaces a plane that costs more than one over this as much. (At 1 rays are a little slower in rooms.)
-const CHEAPER: f64 = 0.9;
+const CHEAPER: f64 = 0.5;
 /// Object splits on a path before items are divided in halves by number.
 pub(crate) const MOST_DIVISIONS: usize = 32;
 /// The largest number of levels of a wide tree: those of planes, of object splits and of halves of a 32-bit number; and above

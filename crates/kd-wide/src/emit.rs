@@ -12,6 +12,7 @@ use kd_simd::LANES;
 
 use crate::block::Block;
 use crate::box_tree::{BoxTree, Kind};
+use crate::large_pages;
 use crate::node::{Child, WIDTH, WideNode};
 use prospect::Prospect;
 
@@ -144,6 +145,8 @@ fn emit_leaves<L: WriteLeaves>(
     // Zeroed pages of the system, untouched: threads share the work of touching them.
     let mut nodes = bytemuck::zeroed_vec(counts.nodes);
     let mut blocks = bytemuck::zeroed_vec(counts.blocks);
+    large_pages::advise(&nodes);
+    large_pages::advise(&blocks);
     let space = Space {
         nodes: &mut nodes,
         blocks: &mut blocks,

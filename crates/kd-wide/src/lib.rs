@@ -70,6 +70,7 @@ mod emit;
 mod forest;
 mod frame;
 mod join;
+mod large_pages;
 mod node;
 mod object_split;
 mod tree;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::Arrays;
 use crate::block::Block;
+use crate::large_pages;
 use crate::node::{Child, WideNode};
 
 /// A range of nodes and a range of blocks. The nodes refer to these ranges only.
@@ -161,6 +162,7 @@ fn reserve<T>(all: &mut Vec<T>, more: usize) {
     let len = all.len() + more;
     if len > all.capacity() {
         all.reserve_exact(more + len / 8);
+        large_pages::advise(all);
     }
 }
 
