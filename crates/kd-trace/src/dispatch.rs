@@ -13,10 +13,11 @@ use kd_wide::WideTree;
 
 use crate::binary::packed::PackedTree;
 use crate::binary::walk::{self, Begin};
-use crate::collect::{Any, Closest, Collect};
+use crate::collect::{Any, Closest, Collect, keep_first};
 use crate::planes::Frame;
 use crate::probe::Probe;
 use crate::wide;
+use crate::wide::subtree::Subtree;
 use crate::wide::walk::WideRay;
 
 /// A set of instructions that wide nodes are traced with.
@@ -31,30 +32,70 @@ pub(crate) trait TraceSimd: Simd {
     #[inline(always)]
     fn collect<C: Collect, P: Probe>(
         self,
-        tree: &WideTree,
+        subtree: Subtree<'_>,
         ray: &Ray,
         collector: &mut C,
         probe: &mut P,
     ) {
-        if let Some(ray) = self.prepare(ray, tree.frame()) {
-            wide::walk::walk(tree, &ray, collector, probe);
+        if let Some(ray) = self.prepare(ray, subtree.tree().frame()) {
+            wide::walk::walk(subtree, &ray, collector, probe);
         }
     }
 
     /// The closest hit of one ray, or [`NO_HIT`].
     #[inline(always)]
-    fn closest<P: Probe>(self, tree: &WideTree, ray: &Ray, probe: &mut P) -> Hit {
+    fn closest<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
         let mut closest = Closest::default();
-        self.collect(tree, ray, &mut closest, probe);
+        self.collect(subtree, ray, &mut closest, probe);
         closest.0.unwrap_or(NO_HIT)
     }
 
     /// Whether one ray hits anything.
     #[inline(always)]
-    fn any<P: Probe>(self, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+    fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
         let mut any = Any::default();
-        self.collect(tree, ray, &mut any, probe);
+        self.collect(subtree, ray, &mut any, probe);
         any.0
+    }
+}
+
+/// A query of one ray, as the collector of its answer.
+pub(crate) trait Search: Collect + Default {
+    /// Answers a ray below a child, in addition to what it knows.
+    fn search<S: TraceSimd, P: Probe>(
+        &mut self,
+        simd: S,
+        subtree: Subtree<'_>,
+        ray: &Ray,
+        probe: &mut P,
+    );
+}
+
+impl Search for Closest {
+    #[inline(always)]
+    fn search<S: TraceSimd, P: Probe>(
+        &mut self,
+        simd: S,
+        subtree: Subtree<'_>,
+        ray: &Ray,
+        probe: &mut P,
+    ) {
+        if let Some(hit) = hit_or_none(simd.closest(subtree, ray, probe)) {
+            keep_first(&mut self.0, hit);
+        }
+    }
+}
+
+impl Search for Any {
+    #[inline(always)]
+    fn search<S: TraceSimd, P: Probe>(
+        &mut self,
+        simd: S,
+        subtree: Subtree<'_>,
+        ray: &Ray,
+        probe: &mut P,
+    ) {
+        self.0 |= simd.any(subtree, ray, probe);
     }
 }
 
@@ -105,7 +146,7 @@ impl<S: TraceSimd, P: Probe> Task<S> for ClosestOfOne<'_, P> {
     #[inline(always)]
     fn run(self, simd: S) -> Hit {
         let OneRay { tree, ray, probe } = self.0;
-        simd.closest(tree, ray, probe)
+        simd.closest(Subtree::whole(tree), ray, probe)
     }
 }
 
@@ -118,7 +159,7 @@ impl<S: TraceSimd, P: Probe> Task<S> for AnyOfOne<'_, P> {
     #[inline(always)]
     fn run(self, simd: S) -> bool {
         let OneRay { tree, ray, probe } = self.0;
-        simd.any(tree, ray, probe)
+        simd.any(Subtree::whole(tree), ray, probe)
     }
 }
 
@@ -131,7 +172,7 @@ impl<S: TraceSimd, C: Collect, P: Probe> Task<S> for HitsOfOne<'_, C, P> {
     #[inline(always)]
     fn run(self, simd: S) {
         let OneRay { tree, ray, probe } = self.0;
-        simd.collect(tree, ray, self.1, probe);
+        simd.collect(Subtree::whole(tree), ray, self.1, probe);
     }
 }
 
@@ -193,7 +234,7 @@ struct Packet<'a, C> {
     collect: PhantomData<C>,
 }
 
-impl<S: TraceSimd, C: Collect + Default> Task<S> for Packet<'_, C> {
+impl<S: TraceSimd, C: Search> Task<S> for Packet<'_, C> {
     type Output = [C; LANES];
 
     #[inline(always)]
@@ -203,10 +244,7 @@ impl<S: TraceSimd, C: Collect + Default> Task<S> for Packet<'_, C> {
 }
 
 /// The ray of each lane, with a collector for each.
-pub(crate) fn trace_packet<C: Collect + Default>(
-    tree: &WideTree,
-    packet: &RayPacket8,
-) -> [C; LANES] {
+pub(crate) fn trace_packet<C: Search>(tree: &WideTree, packet: &RayPacket8) -> [C; LANES] {
     tree.level().run(Packet {
         tree,
         packet,

@@ -21,6 +21,7 @@ mod queue;
 mod scattered;
 mod sorter;
 mod stack;
+pub(crate) mod subtree;
 mod tile;
 pub(crate) mod walk;
 

@@ -23,9 +23,10 @@ use std::ops::ControlFlow;
 
 use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
-use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
+use kd_wide::{Block, Child, WIDTH, WideNode};
 
 use super::stack::Pending;
+use super::subtree::Subtree;
 use super::walk::WideRay;
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
@@ -49,25 +50,25 @@ impl TraceSimd for Avx2 {
     #[inline(always)]
     fn collect<C: Collect, P: Probe>(
         self,
-        tree: &WideTree,
+        subtree: Subtree<'_>,
         ray: &Ray,
         collector: &mut C,
         probe: &mut P,
     ) {
         // SAFETY: `self` proves that the processor has AVX2.
-        unsafe { single::collect(self, tree, ray, collector, probe) }
+        unsafe { single::collect(self, subtree, ray, collector, probe) }
     }
 
     #[inline(always)]
-    fn closest<P: Probe>(self, tree: &WideTree, ray: &Ray, probe: &mut P) -> Hit {
+    fn closest<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
         // SAFETY: `self` proves that the processor has AVX2.
-        unsafe { single::closest(self, tree, ray, probe) }
+        unsafe { single::closest(self, subtree, ray, probe) }
     }
 
     #[inline(always)]
-    fn any<P: Probe>(self, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+    fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
         // SAFETY: `self` proves that the processor has AVX2.
-        unsafe { single::any(self, tree, ray, probe) }
+        unsafe { single::any(self, subtree, ray, probe) }
     }
 }
 

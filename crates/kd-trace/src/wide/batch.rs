@@ -5,9 +5,10 @@ use kd_wide::WideTree;
 
 use super::queue;
 use super::scattered::{Scattered, Steps};
+use super::subtree::Subtree;
 use super::tile::{RAYS, Tiles};
-use crate::collect::{Any, Closest, Collect};
-use crate::dispatch::{TraceSimd, hit_or_none};
+use crate::collect::{Any, Closest};
+use crate::dispatch::{Search, TraceSimd};
 use crate::probe::Probe;
 
 /// The fewest rays of a tile. Fewer take longer than one by one.
@@ -24,18 +25,10 @@ const WINDOW: usize = 4096;
 const SPREAD_OF_NEIGHBORS: f32 = 0.25;
 
 /// A query, as the collector of its answer.
-pub(crate) trait Query: Collect + Default {
+pub(crate) trait Query: Search {
     type Answer: Copy + Default;
 
     fn answer(self) -> Self::Answer;
-
-    /// Answers one ray.
-    fn alone<S: TraceSimd, P: Probe>(
-        simd: S,
-        tree: &WideTree,
-        ray: &Ray,
-        probe: &mut P,
-    ) -> Self::Answer;
 
     /// Answers the rays that are gathered in a tile.
     fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Self::Answer]);
@@ -49,16 +42,6 @@ impl Query for Closest {
     }
 
     #[inline(always)]
-    fn alone<S: TraceSimd, P: Probe>(
-        simd: S,
-        tree: &WideTree,
-        ray: &Ray,
-        probe: &mut P,
-    ) -> Option<Hit> {
-        hit_or_none(simd.closest(tree, ray, probe))
-    }
-
-    #[inline(always)]
     fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Option<Hit>]) {
         tiles.closest(rays, answers);
     }
@@ -69,11 +52,6 @@ impl Query for Any {
 
     fn answer(self) -> bool {
         self.0
-    }
-
-    #[inline(always)]
-    fn alone<S: TraceSimd, P: Probe>(simd: S, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
-        simd.any(tree, ray, probe)
     }
 
     #[inline(always)]
@@ -104,10 +82,23 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
                 others.extend((start..).take(rays.len()));
             }
         }
-        let alone = |ray: &Ray, steps: &mut Steps| Q::alone(simd, tree, ray, steps);
+        let alone = |ray: &Ray, steps: &mut Steps| answer::<S, Q, _>(simd, tree, ray, steps);
         scattered.trace::<S, Q>(&mut tiles, rays, &mut others, answers, alone);
         trace_rest::<S, Q>(simd, tree, rays, &others, answers);
     }
+}
+
+/// Answers one ray.
+#[inline(always)]
+fn answer<S: TraceSimd, Q: Query, P: Probe>(
+    simd: S,
+    tree: &WideTree,
+    ray: &Ray,
+    probe: &mut P,
+) -> Q::Answer {
+    let mut query = Q::default();
+    query.search(simd, Subtree::whole(tree), ray, probe);
+    query.answer()
 }
 
 /// Traces rays that are in no tile.
@@ -127,6 +118,6 @@ fn trace_rest<S: TraceSimd, Q: Query>(
         return;
     }
     for number in numbers {
-        answers[number] = Q::alone(simd, tree, &rays[number], &mut ());
+        answers[number] = answer::<S, Q, _>(simd, tree, &rays[number], &mut ());
     }
 }

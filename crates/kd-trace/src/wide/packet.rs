@@ -19,9 +19,9 @@ use kd_simd::{F32x8, LANES, Mask, Number, Simd, each, max_lane, min};
 use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::limits::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
-use super::walk::{WideRay, walk_below};
+use super::subtree::Subtree;
 use crate::collect::Collect;
-use crate::dispatch::TraceSimd;
+use crate::dispatch::{Search, TraceSimd};
 use beam::Beam;
 use slabs::Slabs;
 use triangles::Triangles;
@@ -36,7 +36,7 @@ const OVER: f32 = f32::NEG_INFINITY;
 
 /// Traces the ray of each lane, with its own collector.
 #[inline(always)]
-pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
+pub(crate) fn trace<S: TraceSimd, C: Search>(
     simd: S,
     tree: &WideTree,
     packet: &RayPacket8,
@@ -59,18 +59,13 @@ pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
             simd,
             tree,
             packet,
-            alone: [const { None }; LANES],
             found: &mut found,
         };
         tracer.trace(&group);
     }
     for lane in Bits(others) {
-        simd.collect(
-            tree,
-            &packet.ray(lane),
-            &mut found.collectors[lane],
-            &mut (),
-        );
+        let ray = packet.ray(lane);
+        found.collectors[lane].search(simd, Subtree::whole(tree), &ray, &mut ());
     }
     found.collectors
 }
@@ -212,12 +207,10 @@ struct Tracer<'a, S: TraceSimd, C> {
     simd: S,
     tree: &'a WideTree,
     packet: &'a RayPacket8,
-    /// Rays that went on alone, prepared.
-    alone: [Option<S::Ray>; LANES],
     found: &'a mut Found<C>,
 }
 
-impl<S: TraceSimd, C: Collect> Tracer<'_, S, C> {
+impl<S: TraceSimd, C: Search> Tracer<'_, S, C> {
     #[inline(always)]
     fn trace(&mut self, group: &Group) {
         let simd = self.simd;
@@ -267,17 +260,11 @@ impl<S: TraceSimd, C: Collect> Tracer<'_, S, C> {
     #[inline(always)]
     fn go_on_alone(&mut self, child: Child, lanes: u32) {
         for lane in Bits(lanes) {
-            let alone = &mut self.alone[lane];
-            if alone.is_none()
-                && let Some(ray) = self.simd.prepare(&self.packet.ray(lane), self.tree.frame())
-            {
-                *alone = Some(ray);
-            }
-            let Some(ray) = alone else { continue };
-            let collector = &mut self.found.collectors[lane];
-            let end = min(ray.steps(self.found.limits[lane]), ray.end());
+            let mut ray = self.packet.ray(lane);
+            ray.t_max = self.found.limits[lane];
             // SAFETY: the root or a child of a node of the tree.
-            unsafe { walk_below(self.tree, ray, child, end, collector, &mut ()) };
+            let subtree = unsafe { Subtree::below(self.tree, child) };
+            self.found.collectors[lane].search(self.simd, subtree, &ray, &mut ());
             self.found.update(lane);
         }
     }

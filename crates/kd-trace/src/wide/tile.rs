@@ -143,7 +143,7 @@ pub(crate) struct Tiles<'a, S: TraceSimd> {
     /// Whether the tree is within the limits of tiles.
     fits: bool,
     tile: Tile,
-    alone: Alone<S>,
+    alone: Alone,
 }
 
 impl<'a, S: TraceSimd> Tiles<'a, S> {

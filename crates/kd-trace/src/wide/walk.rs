@@ -12,9 +12,10 @@
 use std::ops::ControlFlow;
 
 use kd_simd::min;
-use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
+use kd_wide::{Block, Child, WideNode};
 
 use super::stack::{Pending, Stack};
+use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::probe::Probe;
 
@@ -65,50 +66,20 @@ pub(crate) trait WideRay {
 /// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
 pub(crate) fn walk<R: WideRay, C: Collect, P: Probe>(
-    tree: &WideTree,
+    subtree: Subtree<'_>,
     ray: &R,
     collector: &mut C,
     probe: &mut P,
 ) {
-    let root = tree.root();
-    // SAFETY: the root.
-    unsafe { walk_below(tree, ray, root, ray.end(), collector, probe) };
-}
-
-/// [`walk`] below one child, up to `end`. `place` is eight times the index of its node, plus its lane.
-#[inline(always)]
-pub(crate) fn walk_at<R: WideRay, C: Collect>(
-    tree: &WideTree,
-    ray: &R,
-    place: usize,
-    end: f32,
-    collector: &mut C,
-) {
-    let child = tree.nodes()[place / WIDTH].children[place % WIDTH];
-    // SAFETY: a child of a node of the tree.
-    unsafe { walk_below(tree, ray, child, end, collector, &mut ()) };
-}
-
-/// [`walk`] below one child, up to `end`.
-///
-/// # Safety
-///
-/// `child` is the root or a child of a node of the tree.
-#[inline(always)]
-pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
-    tree: &WideTree,
-    ray: &R,
-    mut child: Child,
-    end: f32,
-    collector: &mut C,
-    probe: &mut P,
-) {
+    let tree = subtree.tree();
+    let mut child = subtree.child();
+    let end = ray.end();
     let mut stack = Stack::new();
     let mut pending = stack.pending();
     let mut limit = end;
     loop {
         if child.is_leaf() {
-            // SAFETY: the caller's, or a child of a node; and a leaf.
+            // SAFETY: the child of a subtree or of a node; and a leaf.
             let blocks = unsafe { tree.leaf(child) };
             probe.leaf(|| blocks.iter().map(Block::count).sum());
             if ray.visit(blocks, limit, collector, probe).is_break() {
@@ -117,7 +88,7 @@ pub(super) unsafe fn walk_below<R: WideRay, C: Collect, P: Probe>(
             limit = min(ray.steps(collector.limit()), end);
         } else {
             probe.node();
-            // SAFETY: the caller's, or a child of a node; and no leaf.
+            // SAFETY: the child of a subtree or of a node; and no leaf.
             let node = unsafe { tree.node(child) };
             let next = if C::ANY {
                 ray.enter::<true>(node, limit, &mut pending)

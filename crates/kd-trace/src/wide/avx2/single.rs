@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 
 use kd_core::{Hit, Ray};
 use kd_simd::{Avx2, min};
-use kd_wide::{Block, WIDTH, WideTree};
+use kd_wide::{Block, WIDTH};
 
 use super::nodes::{NodeRay, Numbers, Prepared, enter};
 use super::triangles::{TriangleRay, candidates};
@@ -22,18 +22,19 @@ use crate::collect::{self, Collect};
 use crate::dispatch::NO_HIT;
 use crate::probe::Probe;
 use crate::wide::stack::Stack;
+use crate::wide::subtree::Subtree;
 use crate::wide::walk::walk;
 
 /// The closest hit, or [`NO_HIT`].
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline(never)]
-pub(super) fn closest<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &mut P) -> Hit {
+pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
     let numbers = Numbers::one_by_one(ray);
-    match NodeRay::usual(&numbers, tree.frame()) {
+    match NodeRay::usual(&numbers, subtree.tree().frame()) {
         Prepared::Miss => NO_HIT,
         Prepared::Unusual => {
             let mut closest = collect::Closest::default();
-            trace_unusual(simd, tree, ray, &mut closest, probe);
+            trace_unusual(simd, subtree, ray, &mut closest, probe);
             closest.0.unwrap_or(NO_HIT)
         }
         Prepared::Usual(nodes) => {
@@ -45,7 +46,7 @@ pub(super) fn closest<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &
                 first: f32::INFINITY,
                 best: NO_HIT,
             };
-            let triangles = trace(tree, &numbers, &nodes, &mut query, probe);
+            let triangles = trace(subtree, &numbers, &nodes, &mut query, probe);
             match (query.sure, triangles) {
                 (Some((block, lane)), Some(ray)) => {
                     probe.decision();
@@ -60,13 +61,13 @@ pub(super) fn closest<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &
 /// Whether there is a hit.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline(never)]
-pub(super) fn any<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &mut P) -> bool {
+pub(super) fn any<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
     let numbers = Numbers::one_by_one(ray);
-    match NodeRay::usual(&numbers, tree.frame()) {
+    match NodeRay::usual(&numbers, subtree.tree().frame()) {
         Prepared::Miss => false,
         Prepared::Unusual => {
             let mut any = collect::Any::default();
-            trace_unusual(simd, tree, ray, &mut any, probe);
+            trace_unusual(simd, subtree, ray, &mut any, probe);
             any.0
         }
         Prepared::Usual(nodes) => {
@@ -76,7 +77,7 @@ pub(super) fn any<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &mut 
                 limit_depth: f32::INFINITY,
                 is_hit: false,
             };
-            trace(tree, &numbers, &nodes, &mut query, probe);
+            trace(subtree, &numbers, &nodes, &mut query, probe);
             query.is_hit
         }
     }
@@ -87,15 +88,15 @@ pub(super) fn any<P: Probe>(simd: Avx2, tree: &WideTree, ray: &Ray, probe: &mut 
 #[inline(never)]
 pub(super) fn collect<C: Collect, P: Probe>(
     simd: Avx2,
-    tree: &WideTree,
+    subtree: Subtree<'_>,
     ray: &Ray,
     collector: &mut C,
     probe: &mut P,
 ) {
     let numbers = Numbers::one_by_one(ray);
-    match NodeRay::usual(&numbers, tree.frame()) {
+    match NodeRay::usual(&numbers, subtree.tree().frame()) {
         Prepared::Miss => {}
-        Prepared::Unusual => trace_unusual(simd, tree, ray, collector, probe),
+        Prepared::Unusual => trace_unusual(simd, subtree, ray, collector, probe),
         Prepared::Usual(nodes) => {
             let mut query = Collecting {
                 simd,
@@ -103,7 +104,7 @@ pub(super) fn collect<C: Collect, P: Probe>(
                 limit_depth: f32::INFINITY,
                 collector,
             };
-            trace(tree, &numbers, &nodes, &mut query, probe);
+            trace(subtree, &numbers, &nodes, &mut query, probe);
         }
     }
 }
@@ -113,13 +114,13 @@ pub(super) fn collect<C: Collect, P: Probe>(
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 fn trace_unusual<C: Collect, P: Probe>(
     simd: Avx2,
-    tree: &WideTree,
+    subtree: Subtree<'_>,
     ray: &Ray,
     collector: &mut C,
     probe: &mut P,
 ) {
-    if let Some(ray) = Avx2Ray::new(simd, ray, tree.frame()) {
-        walk(tree, &ray, collector, probe);
+    if let Some(ray) = Avx2Ray::new(simd, ray, subtree.tree().frame()) {
+        walk(subtree, &ray, collector, probe);
     }
 }
 
@@ -147,7 +148,7 @@ trait Query<'a> {
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn trace<'a, Q: Query<'a>, P: Probe>(
-    tree: &'a WideTree,
+    subtree: Subtree<'a>,
     numbers: &Numbers,
     nodes: &NodeRay,
     query: &mut Q,
@@ -157,7 +158,8 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
     let mut triangles = None;
     let mut stack = Stack::new();
     let mut pending = stack.pending();
-    let mut child = tree.root();
+    let tree = subtree.tree();
+    let mut child = subtree.child();
     loop {
         if !child.is_leaf() {
             // Loaded again after each leaf: its triangles need the registers.
@@ -165,7 +167,7 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
             let limit = _mm256_set1_ps(query.limit());
             loop {
                 probe.node();
-                // SAFETY: the root or a child of a node, and no leaf.
+                // SAFETY: the child of a subtree or of a node, and no leaf.
                 let node = unsafe { tree.node(child) };
                 let before = pending.len();
                 let entered = if Q::ANY {
@@ -191,7 +193,7 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
                 }
             }
         }
-        // SAFETY: the root or a child of a node, and a leaf.
+        // SAFETY: the child of a subtree or of a node, and a leaf.
         let blocks = unsafe { tree.leaf(child) };
         probe.leaf(|| blocks.iter().map(Block::count).sum());
         let ray = triangles.get_or_insert_with(|| {

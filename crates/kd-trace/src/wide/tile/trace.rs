@@ -8,10 +8,9 @@ use super::alone::Alone;
 use super::frustum::{Boxes, meet, meet_each};
 use super::leaf::{self, TERMS_FROM_APEX};
 use super::{OVER, Pending, Tile};
-use crate::collect::{Any, Closest};
-use crate::dispatch::TraceSimd;
+use crate::dispatch::{TraceSimd, hit_or_none};
 use crate::wide::eight::{BlockLane, decide};
-use crate::wide::walk::{WideRay, walk_at};
+use crate::wide::subtree::Subtree;
 
 /// At most this number of rays is faster one by one.
 const FEW: u32 = 4;
@@ -22,7 +21,7 @@ pub(super) struct Tracer<'a, S: TraceSimd, const ANY: bool, const TERMS: usize> 
     pub(super) tree: &'a WideTree,
     pub(super) rays: &'a [Ray],
     pub(super) tile: &'a mut Tile,
-    pub(super) alone: &'a mut Alone<S>,
+    pub(super) alone: &'a mut Alone,
     /// The hits that are decided so far.
     pub(super) hits: &'a mut [Option<Hit>],
 }
@@ -121,12 +120,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
         while left != 0 {
             let number = left.trailing_zeros() as usize;
             left &= left - 1;
-            let Some(ray) = self
-                .alone
-                .ray(self.simd, number, self.rays, self.tree.frame())
-            else {
-                continue;
-            };
+            self.alone.walk();
             let (group, lane) = (number / LANES, number % LANES);
             let tile = &mut *self.tile;
             let (from, speed) = (tile.from[group][lane], tile.speed[group][lane]);
@@ -134,18 +128,16 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
             // The limit was rounded, and so are these operations: increased.
             let more = 1.0 + 4.0 * f32::EPSILON;
             let t = (*limit * more - from) / speed * more;
-            let end = min(ray.steps(t), ray.end());
+            let mut ray = self.rays[number];
+            ray.t_max = min(t, ray.t_max);
+            let subtree = Subtree::at(self.tree, place);
             if ANY {
-                let mut any = Any::default();
-                walk_at(self.tree, ray, place, end, &mut any);
-                if any.0 {
+                if self.simd.any(subtree, &ray, &mut ()) {
                     *limit = OVER;
                 }
                 continue;
             }
-            let mut closest = Closest::default();
-            walk_at(self.tree, ray, place, end, &mut closest);
-            if let Some(hit) = closest.0 {
+            if let Some(hit) = hit_or_none(self.simd.closest(subtree, &ray, &mut ())) {
                 tile.take(number, hit, self.hits);
             }
         }
