@@ -18,6 +18,7 @@ mod limits;
 pub(crate) mod packet;
 pub(crate) mod portable;
 mod queue;
+mod race;
 mod scattered;
 mod sorter;
 mod stack;

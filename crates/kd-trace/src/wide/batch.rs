@@ -1,21 +1,25 @@
-//! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest in a queue.
+//! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest in a queue; or one by one,
+//! where a [race](super::race) shows that this is faster.
+
+use std::marker::PhantomData;
 
 use kd_core::{Hit, Ray};
 use kd_wide::WideTree;
 
 use super::queue;
-use super::scattered::{Scattered, Steps};
+use super::race::{Race, Stopwatch, Way};
+use super::scattered::Scattered;
 use super::subtree::Subtree;
 use super::tile::{RAYS, Tiles};
 use crate::collect::{Any, Closest};
 use crate::dispatch::{Search, TraceSimd};
-use crate::probe::Probe;
 
 /// The fewest rays of a tile. Fewer take longer than one by one.
 pub(super) const FEWEST: usize = 16;
 
-/// The fewest rays of a queue. Fewer take as long as one by one or longer: near the end few rays are active.
-const FEWEST_IN_TURN: usize = 64;
+/// The rays of a queue, and the fewest. Near its end few rays are active.
+const IN_TURN: usize = 512;
+const FEWEST_IN_TURN: usize = 128;
 
 /// Rays that are sorted together.
 const WINDOW: usize = 4096;
@@ -68,7 +72,14 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
     rays: &[Ray],
     answers: &mut [Q::Answer],
 ) {
-    let mut tiles = Tiles::new(simd, tree);
+    let mut batch = Batch::<S, Q> {
+        simd,
+        tree,
+        tiles: Tiles::new(simd, tree),
+        neighbors: Race::default(),
+        turns: Race::default(),
+        query: PhantomData,
+    };
     let mut scattered = Scattered::default();
     let mut others = Vec::new();
     for (rays, answers) in rays.chunks(WINDOW).zip(answers.chunks_mut(WINDOW)) {
@@ -76,48 +87,89 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
         let starts = (0..).step_by(RAYS);
         for ((rays, answers), start) in rays.chunks(RAYS).zip(answers.chunks_mut(RAYS)).zip(starts)
         {
-            if rays.len() >= FEWEST && tiles.gather(rays, SPREAD_OF_NEIGHBORS) {
-                Q::trace(&mut tiles, rays, answers);
+            let may_be_tile = rays.len() >= FEWEST && !batch.neighbors.skips(1);
+            if may_be_tile && batch.tiles.gather(rays, SPREAD_OF_NEIGHBORS) {
+                batch.trace_neighbors(rays, answers);
             } else {
                 others.extend((start..).take(rays.len()));
             }
         }
-        let alone = |ray: &Ray, steps: &mut Steps| answer::<S, Q, _>(simd, tree, ray, steps);
-        scattered.trace::<S, Q>(&mut tiles, rays, &mut others, answers, alone);
-        trace_rest::<S, Q>(simd, tree, rays, &others, answers);
+        scattered.trace(&mut batch, rays, &mut others, answers);
+        batch.trace_rest(rays, &others, answers);
     }
 }
 
-/// Answers one ray.
-#[inline(always)]
-fn answer<S: TraceSimd, Q: Query, P: Probe>(
+/// What the rays of a batch share.
+pub(super) struct Batch<'a, S: TraceSimd, Q> {
     simd: S,
-    tree: &WideTree,
-    ray: &Ray,
-    probe: &mut P,
-) -> Q::Answer {
-    let mut query = Q::default();
-    query.search(simd, Subtree::whole(tree), ray, probe);
-    query.answer()
+    tree: &'a WideTree,
+    pub(super) tiles: Tiles<'a, S>,
+    /// Coherent neighbors as tiles.
+    neighbors: Race,
+    /// Other rays in turns.
+    turns: Race,
+    query: PhantomData<Q>,
 }
 
-/// Traces rays that are in no tile.
-#[inline(always)]
-fn trace_rest<S: TraceSimd, Q: Query>(
-    simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    numbers: &[u32],
-    answers: &mut [Q::Answer],
-) {
-    let numbers = numbers.iter().map(|number| *number as usize);
-    if numbers.len() >= FEWEST_IN_TURN {
-        queue::trace(simd, tree, rays, numbers, |number, query: Q| {
-            answers[number] = query.answer();
-        });
-        return;
+impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
+    /// Answers one ray.
+    #[inline(always)]
+    pub(super) fn answer(&self, ray: &Ray) -> Q::Answer {
+        let mut query = Q::default();
+        query.search(self.simd, Subtree::whole(self.tree), ray, &mut ());
+        query.answer()
     }
-    for number in numbers {
-        answers[number] = answer::<S, Q, _>(simd, tree, &rays[number], &mut ());
+
+    /// Traces the rays that are gathered in a tile: as a tile, or one by one.
+    #[inline(always)]
+    fn trace_neighbors(&mut self, rays: &[Ray], answers: &mut [Q::Answer]) {
+        let (way, is_measured) = self.neighbors.next();
+        let clock = is_measured.then(Stopwatch::start);
+        self.trace_gathered(way, rays, answers);
+        if let Some(clock) = clock {
+            self.neighbors.learn(way, clock.per_ray(rays.len()));
+        }
+    }
+
+    /// Traces the rays that are gathered in a tile.
+    #[inline(always)]
+    pub(super) fn trace_gathered(&mut self, way: Way, rays: &[Ray], answers: &mut [Q::Answer]) {
+        match way {
+            Way::Together => Q::trace(&mut self.tiles, rays, answers),
+            Way::Alone => {
+                for (ray, answer) in rays.iter().zip(answers) {
+                    *answer = self.answer(ray);
+                }
+            }
+        }
+    }
+
+    /// Traces rays that are in no tile: in turns, or one by one.
+    #[inline(always)]
+    fn trace_rest(&mut self, rays: &[Ray], numbers: &[u32], answers: &mut [Q::Answer]) {
+        for numbers in numbers.chunks(IN_TURN) {
+            let (way, is_measured) = if numbers.len() < FEWEST_IN_TURN {
+                (Way::Alone, false)
+            } else {
+                self.turns.next()
+            };
+            let clock = is_measured.then(Stopwatch::start);
+            let places = numbers.iter().map(|number| *number as usize);
+            match way {
+                Way::Together => {
+                    queue::trace(self.simd, self.tree, rays, places, |number, query: Q| {
+                        answers[number] = query.answer();
+                    });
+                }
+                Way::Alone => {
+                    for number in places {
+                        answers[number] = self.answer(&rays[number]);
+                    }
+                }
+            }
+            if let Some(clock) = clock {
+                self.turns.learn(way, clock.per_ray(numbers.len()));
+            }
+        }
     }
 }

@@ -5,21 +5,18 @@
 //!
 //! That does not always pay. Rays that are scattered at random have similar directions but distant origins, and meet different
 //! boxes: a tile of them takes longer than single rays. So two checks apply: rays are sorted only where neighbors are coherent
-//! more often than by chance, and tiles are used only while they cost less than single rays.
+//! more often than by chance, and tiles are used only while they are [faster](super::race) than single rays.
 
 use kd_core::Ray;
 
-use super::batch::{FEWEST, Query};
+use super::batch::{Batch, FEWEST, Query};
+use super::race::{Race, Stopwatch};
 use super::sorter::{Sorter, are_alike};
-use super::tile::{RAYS, Tiles};
+use super::tile::RAYS;
 use crate::dispatch::TraceSimd;
-use crate::probe::Probe;
 
 /// The fewest rays that are sorted.
 const FEWEST_SORTED: usize = 2 * RAYS;
-
-/// Rays that are traced alone to measure the steps of single rays.
-const SAMPLES: usize = 8;
 
 /// Pairs of rays that are compared, and the fewest coherent ones, more than one in eleven, in rays that are not random.
 const PAIRS: usize = 64;
@@ -29,50 +26,49 @@ const FEWEST_ALIKE: usize = 6;
 #[derive(Default)]
 pub(super) struct Scattered {
     sorter: Option<Box<Sorter>>,
-    trust: Trust,
+    race: Race,
     is_done: Vec<bool>,
     alike: Vec<Ray>,
 }
 
 impl Scattered {
-    /// Traces coherent rays as tiles while that pays, and removes them from `numbers`. `alone` traces one ray.
+    /// Traces coherent rays as tiles while that pays, and removes them from `numbers`.
     #[inline(always)]
     pub(super) fn trace<S: TraceSimd, Q: Query>(
         &mut self,
-        tiles: &mut Tiles<'_, S>,
+        batch: &mut Batch<'_, S, Q>,
         rays: &[Ray],
         numbers: &mut Vec<u32>,
         answers: &mut [Q::Answer],
-        alone: impl Fn(&Ray, &mut Steps) -> Q::Answer,
     ) {
         if numbers.len() < FEWEST_SORTED || are_by_chance(rays, numbers) {
             return;
         }
+        let groups = u32::try_from(numbers.len() / RAYS).expect("a window is small");
+        if self.race.skips(groups) {
+            return;
+        }
         self.is_done.clear();
         self.is_done.resize(rays.len(), false);
-        for number in numbers.iter().step_by(numbers.len().div_ceil(SAMPLES)) {
-            let number = *number as usize;
-            let mut steps = Steps::default();
-            answers[number] = alone(&rays[number], &mut steps);
-            self.is_done[number] = true;
-            self.trust.learn_alone(&steps);
-        }
-        numbers.retain(|number| !self.is_done[*number as usize]);
         let sorter = self.sorter.get_or_insert_with(Box::default);
         let mut found = [Q::Answer::default(); RAYS];
         for run in sorter.runs(rays, numbers, RAYS) {
-            if run.len() < FEWEST || !self.trust.has(run.len()) {
+            if run.len() < FEWEST {
                 continue;
             }
             self.alike.clear();
             self.alike
                 .extend(run.iter().map(|number| rays[*number as usize]));
-            if !tiles.gather_sorted(&self.alike) {
+            if !batch.tiles.gather_sorted(&self.alike) {
                 continue;
             }
             let found = &mut found[..run.len()];
-            Q::trace(tiles, &self.alike, found);
-            self.trust.learn(run.len(), tiles.effort());
+            let (way, is_measured) = self.race.next();
+            let clock = is_measured.then(Stopwatch::start);
+            batch.trace_gathered(way, &self.alike, found);
+            if let Some(clock) = clock {
+                self.race.learn(way, clock.per_ray(run.len()));
+            }
             for (number, answer) in run.iter().zip(found) {
                 answers[*number as usize] = *answer;
                 self.is_done[*number as usize] = true;
@@ -91,63 +87,6 @@ fn are_by_chance(rays: &[Ray], numbers: &[u32]) -> bool {
     let count = looked_at.len();
     let alike = looked_at.filter(|[a, _, b]| are_alike(&rays[*a as usize], &rays[*b as usize]));
     alike.count() * PAIRS < FEWEST_ALIKE * count
-}
-
-/// The steps of a single ray: nodes and leaves.
-#[derive(Default)]
-pub(super) struct Steps(u32);
-
-impl Probe for Steps {
-    fn node(&mut self) {
-        self.0 += 1;
-    }
-
-    fn leaf(&mut self, _triangles: impl FnOnce() -> u32) {
-        self.0 += 1;
-    }
-}
-
-/// Whether tiles pay, by the costs of the last tiles.
-#[derive(Default)]
-struct Trust {
-    /// Steps of single rays, and the number of these rays.
-    steps: f32,
-    rays: f32,
-    /// The budget left after the [`effort`](Tiles::effort) of all tiles. No tile is traced while it is below zero.
-    saved: f32,
-}
-
-/// The effort that a tile may take per step of its rays alone. (From 0.3 to 0.5 it was about as fast behind the mirrors
-/// of BART kitchen; throw-away program, 2026-11-28.)
-const EFFORT_OF_STEP: f32 = 0.4;
-/// Subtracted for each ray: its effort before its first box.
-const EFFORT_OF_RAY: f32 = 0.3;
-/// Added to the budget for each ray that is in no tile.
-const FORGOTTEN: f32 = 0.3;
-/// Upper limit of the budget.
-const MOST_SAVED: f32 = 256.0;
-
-impl Trust {
-    /// Whether to trace this number of rays as a tile.
-    fn has(&mut self, rays: usize) -> bool {
-        if self.saved >= 0.0 {
-            return true;
-        }
-        self.saved += FORGOTTEN * rays as f32;
-        false
-    }
-
-    fn learn_alone(&mut self, steps: &Steps) {
-        self.steps += steps.0 as f32;
-        self.rays += 1.0;
-    }
-
-    /// Records the effort of a tile, after [`learn_alone`](Self::learn_alone).
-    fn learn(&mut self, rays: usize, effort: u32) {
-        let may_take = EFFORT_OF_STEP * self.steps / self.rays - EFFORT_OF_RAY;
-        let saved = self.saved + may_take * rays as f32 - effort as f32;
-        self.saved = saved.min(MOST_SAVED);
-    }
 }
 
 #[cfg(test)]
@@ -190,19 +129,5 @@ mod tests {
             let rays: Vec<Ray> = (0..600).map(all).collect();
             assert!(are_by_chance(&rays, &numbers), "by chance, half: {half}");
         }
-    }
-
-    #[test]
-    fn tiles_that_do_not_pay_are_given_up_for_a_while() {
-        let mut trust = Trust::default();
-        trust.learn_alone(&Steps(10));
-        assert!(trust.has(64), "the first one");
-        trust.learn(64, 100);
-        assert!(trust.has(64), "it took less than the rays would have alone");
-        for _ in 0..4 {
-            trust.learn(64, 500);
-        }
-        let skipped = (0..1000).take_while(|_| !trust.has(64)).count();
-        assert!((1..1000).contains(&skipped), "{skipped}");
     }
 }

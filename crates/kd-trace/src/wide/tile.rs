@@ -176,11 +176,6 @@ impl<'a, S: TraceSimd> Tiles<'a, S> {
         self.gather(rays, MOST_SPREAD)
     }
 
-    /// The effort of the last tile, roughly in boxes tested against a group of eight rays.
-    pub(crate) fn effort(&self) -> u32 {
-        self.alone.effort()
-    }
-
     /// The closest hits of the gathered rays.
     #[inline(always)]
     pub(crate) fn closest(&mut self, rays: &[Ray], hits: &mut [Option<Hit>]) {

@@ -120,7 +120,6 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
         while left != 0 {
             let number = left.trailing_zeros() as usize;
             left &= left - 1;
-            self.alone.walk();
             let (group, lane) = (number / LANES, number % LANES);
             let tile = &mut *self.tile;
             let (from, speed) = (tile.from[group][lane], tile.speed[group][lane]);
