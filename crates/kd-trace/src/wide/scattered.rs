@@ -53,7 +53,7 @@ impl Scattered {
         let sorter = self.sorter.get_or_insert_with(Box::default);
         let mut found = [Q::Answer::default(); RAYS];
         for run in sorter.runs(rays, numbers, RAYS) {
-            if run.len() < FEWEST {
+            if run.len() < FEWEST || self.race.skips(1) {
                 continue;
             }
             self.alike.clear();
