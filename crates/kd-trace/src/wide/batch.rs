@@ -123,12 +123,10 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     /// Traces the rays that are gathered in a tile: as a tile, or one by one.
     #[inline(always)]
     fn trace_neighbors(&mut self, rays: &[Ray], answers: &mut [Q::Answer]) {
-        let (way, is_measured) = self.neighbors.next();
-        let clock = is_measured.then(Stopwatch::start);
+        let way = self.neighbors.next();
+        let clock = Stopwatch::start();
         self.trace_gathered(way, rays, answers);
-        if let Some(clock) = clock {
-            self.neighbors.learn(way, clock.per_ray(rays.len()));
-        }
+        self.neighbors.learn(way, clock.per_ray(rays.len()));
     }
 
     /// Traces the rays that are gathered in a tile.
@@ -148,12 +146,13 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     #[inline(always)]
     fn trace_rest(&mut self, rays: &[Ray], numbers: &[u32], answers: &mut [Q::Answer]) {
         for numbers in numbers.chunks(IN_TURN) {
-            let (way, is_measured) = if numbers.len() < FEWEST_IN_TURN {
-                (Way::Alone, false)
-            } else {
+            let is_race = numbers.len() >= FEWEST_IN_TURN;
+            let way = if is_race {
                 self.turns.next()
+            } else {
+                Way::Alone
             };
-            let clock = is_measured.then(Stopwatch::start);
+            let clock = Stopwatch::start();
             let places = numbers.iter().map(|number| *number as usize);
             match way {
                 Way::Together => {
@@ -167,7 +166,7 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
                     }
                 }
             }
-            if let Some(clock) = clock {
+            if is_race {
                 self.turns.learn(way, clock.per_ray(numbers.len()));
             }
         }

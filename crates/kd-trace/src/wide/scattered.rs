@@ -63,12 +63,10 @@ impl Scattered {
                 continue;
             }
             let found = &mut found[..run.len()];
-            let (way, is_measured) = self.race.next();
-            let clock = is_measured.then(Stopwatch::start);
+            let way = self.race.next();
+            let clock = Stopwatch::start();
             batch.trace_gathered(way, &self.alike, found);
-            if let Some(clock) = clock {
-                self.race.learn(way, clock.per_ray(run.len()));
-            }
+            self.race.learn(way, clock.per_ray(run.len()));
             for (number, answer) in run.iter().zip(found) {
                 answers[*number as usize] = *answer;
                 self.is_done[*number as usize] = true;
