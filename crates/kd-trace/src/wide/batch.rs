@@ -123,10 +123,12 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     /// Traces the rays that are gathered in a tile: as a tile, or one by one.
     #[inline(always)]
     fn trace_neighbors(&mut self, rays: &[Ray], answers: &mut [Q::Answer]) {
-        let way = self.neighbors.next();
-        let clock = Stopwatch::start();
+        let (way, is_measured) = self.neighbors.next();
+        let clock = is_measured.then(Stopwatch::start);
         self.trace_gathered(way, rays, answers);
-        self.neighbors.learn(way, clock.per_ray(rays.len()));
+        if let Some(clock) = clock {
+            self.neighbors.learn(way, clock.per_ray(rays.len()));
+        }
     }
 
     /// Traces the rays that are gathered in a tile.
@@ -146,13 +148,12 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     #[inline(always)]
     fn trace_rest(&mut self, rays: &[Ray], numbers: &[u32], answers: &mut [Q::Answer]) {
         for numbers in numbers.chunks(IN_TURN) {
-            let is_race = numbers.len() >= FEWEST_IN_TURN;
-            let way = if is_race {
-                self.turns.next()
+            let (way, is_measured) = if numbers.len() < FEWEST_IN_TURN {
+                (Way::Alone, false)
             } else {
-                Way::Alone
+                self.turns.next()
             };
-            let clock = Stopwatch::start();
+            let clock = is_measured.then(Stopwatch::start);
             let places = numbers.iter().map(|number| *number as usize);
             match way {
                 Way::Together => {
@@ -166,7 +167,7 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
                     }
                 }
             }
-            if is_race {
+            if let Some(clock) = clock {
                 self.turns.learn(way, clock.per_ray(numbers.len()));
             }
         }

@@ -1,95 +1,108 @@
-//! Which of two ways to trace groups of rays is faster, by measuring both on the way.
+//! Which of two ways to trace rays is faster, by measuring both on the way.
 //!
 //! Rays that traverse together share work, or hide latencies of each other. How much that gains depends on the rays, the tree and
 //! the caches; where it gains nothing, rays are faster alone. A batch measures this: the answers are the same.
-//!
-//! Neighboring groups resemble each other, distant ones do not. So a group is traced together if the last one that was took less
-//! than the last one that was not. After a failure, groups are traced alone: one, then twice as many after each further failure.
 
 /// A way to trace a group of rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Way {
-    #[default]
     Together,
+    #[default]
     Alone,
 }
 
-/// Rays together against rays alone.
-#[derive(Clone, Copy, Debug)]
+/// Rays together against rays alone. Groups are traced in the faster way, but now and then both are measured: one group each,
+/// since rays that pass where others passed before find memory in the cache.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Race {
-    /// The time of a ray of the last group that was traced alone and measured, in nanoseconds.
+    /// The time of a ray, in nanoseconds: the mean of the last measurement and the mean before it.
+    together: f32,
     alone: f32,
-    /// Groups to trace alone before the next one together.
-    wait: u32,
-    /// Groups that were traced alone after the last failure.
-    last_wait: u32,
-    /// Groups to trace together before the next one alone, unless one fails.
-    trust: u32,
-    /// The groups of the last trust.
-    last_trust: u32,
+    /// The faster way by these.
+    faster: Way,
+    /// How many times both were measured since the order changed; a clear measurement counts three times.
+    rounds: u32,
+    state: State,
 }
 
-/// Groups alone after repeated failures, at most.
-const MOST_WAIT: u32 = 64;
-/// Groups together after the first comparison, and at most.
-const TRUST: u32 = 64;
-const MOST_TRUST: u32 = 256;
-/// Rays together must be faster by this factor: otherwise little is gained, and a wrong choice costs more.
+#[derive(Clone, Copy, Debug, Default)]
+enum State {
+    #[default]
+    MeasureTogether,
+    MeasureAlone,
+    /// Groups until the next measurement.
+    Pause(u32),
+}
+
+/// Rounds of measurements in a row: rays differ, so one group each says little.
+const IN_A_ROW: u32 = 2;
+/// Groups to trace in the faster way after these, and at most.
+const SHORT: u32 = 16;
+const LONG: u32 = 128;
+/// A measurement is clear where one way takes longer by this factor.
+const CLEAR: f32 = 1.4;
+/// Rays together must be faster by this factor. (What is saved then is less than a wrong choice costs.)
 const MARGIN: f32 = 1.05;
 
-impl Default for Race {
-    fn default() -> Self {
-        Self {
-            alone: f32::INFINITY,
-            wait: 0,
-            last_wait: 0,
-            trust: 1,
-            last_trust: TRUST / 2,
-        }
-    }
-}
-
 impl Race {
-    /// How to trace the next group. [`learn`](Self::learn) must follow.
+    /// How to trace the next group, and whether to [`learn`](Self::learn) its time.
     #[inline]
-    pub(super) fn next(&self) -> Way {
-        if self.wait > 0 {
-            Way::Alone
-        } else {
-            Way::Together
+    pub(super) fn next(&mut self) -> (Way, bool) {
+        match &mut self.state {
+            State::MeasureTogether => (Way::Together, true),
+            State::MeasureAlone => (Way::Alone, true),
+            State::Pause(groups) => {
+                *groups -= 1;
+                if *groups == 0 {
+                    self.state = State::MeasureTogether;
+                }
+                (self.faster, false)
+            }
         }
     }
 
-    /// Whether this number of groups is traced alone, with at least one more. Counts them as traced then.
+    /// Whether rays alone are faster, and this number of groups needs no measurement. Counts them as traced then.
     #[inline]
     pub(super) fn skips(&mut self, count: u32) -> bool {
-        let skips = self.wait > count;
-        if skips {
-            self.wait -= count;
+        let is_alone = self.faster == Way::Alone;
+        match &mut self.state {
+            State::Pause(groups) if *groups > count && is_alone => {
+                *groups -= count;
+                true
+            }
+            _ => false,
         }
-        skips
     }
 
-    /// Records the time of a ray of a group.
+    /// Records the time of a ray. While the order of both ways stays the same, measurements become more seldom.
     pub(super) fn learn(&mut self, way: Way, time: f32) {
-        match way {
-            Way::Alone => {
-                self.alone = time;
-                self.wait -= 1;
-            }
-            Way::Together if time * MARGIN > self.alone => {
-                self.last_wait = MOST_WAIT.min(1.max(2 * self.last_wait));
-                self.wait = self.last_wait;
-            }
-            Way::Together => {
-                self.last_wait = 0;
-                self.trust -= 1;
-                if self.trust == 0 {
-                    self.wait = 1;
-                    self.last_trust = MOST_TRUST.min(2 * self.last_trust);
-                    self.trust = self.last_trust;
-                }
-            }
+        let (mean, next) = match way {
+            Way::Together => (&mut self.together, State::MeasureAlone),
+            Way::Alone => (&mut self.alone, State::MeasureTogether),
+        };
+        *mean = if self.rounds == 0 {
+            time
+        } else {
+            0.5 * (*mean + time)
+        };
+        self.state = next;
+        if way == Way::Together {
+            return;
+        }
+        let before = (self.rounds >= IN_A_ROW).then_some(self.faster);
+        self.faster = if self.together * MARGIN <= self.alone {
+            Way::Together
+        } else {
+            Way::Alone
+        };
+        let (slower, faster) = (self.together.max(self.alone), self.together.min(self.alone));
+        self.rounds += if slower > CLEAR * faster { 3 } else { 1 };
+        if before.is_some_and(|before| before != self.faster) {
+            // It may be an interruption: both are measured at once again.
+            self.rounds = 0;
+        }
+        if let Some(doublings) = self.rounds.checked_sub(IN_A_ROW) {
+            self.state = State::Pause(LONG.min(SHORT << doublings.min(8)));
         }
     }
 }
@@ -121,83 +134,86 @@ impl Stopwatch {
 mod tests {
     use super::*;
 
-    /// The numbers of the groups, of a thousand, that are traced in a way. `time` is that of a group, together and alone.
-    fn traced(way: Way, time: impl Fn(usize) -> [f32; 2]) -> Vec<usize> {
-        let mut race = Race::default();
-        let groups = (0..1000).filter(|group| {
-            let next = race.next();
-            let [together, alone] = time(*group);
-            race.learn(
-                next,
-                if next == Way::Together {
+    /// The ways of some groups, and the numbers of those that are measured.
+    fn ways(
+        race: &mut Race,
+        groups: usize,
+        mut time: impl FnMut(Way) -> f32,
+    ) -> (Vec<Way>, Vec<usize>) {
+        let mut measured = Vec::new();
+        let ways = (0..groups).map(|group| {
+            let (way, is_measured) = race.next();
+            if is_measured {
+                measured.push(group);
+                race.learn(way, time(way));
+            }
+            way
+        });
+        (ways.collect(), measured)
+    }
+
+    #[test]
+    fn the_faster_way_is_taken_and_both_are_measured_ever_more_seldom() {
+        let slightly = [0, 1, 2, 3, 20, 21, 54, 55, 120, 121];
+        let clearly = [0, 1, 34, 35, 164, 165, 294, 295, 424, 425];
+        for (together, alone, faster, expected) in [
+            (1.2, 1.0, Way::Alone, slightly),
+            (1.0, 1.2, Way::Together, slightly),
+            (2.0, 1.0, Way::Alone, clearly),
+            (1.0, 2.0, Way::Together, clearly),
+        ] {
+            let mut race = Race::default();
+            let time = |way| {
+                if way == Way::Together {
                     together
                 } else {
                     alone
-                },
-            );
-            next == way
-        });
-        groups.collect()
-    }
-
-    #[test]
-    fn groups_that_are_slower_together_are_tried_ever_more_seldom() {
-        let together = traced(Way::Together, |_| [2.0, 1.0]);
-        assert_eq!(together[..8], [0, 2, 4, 7, 12, 21, 38, 71]);
-        assert!(together.len() < 25, "{together:?}");
-    }
-
-    #[test]
-    fn groups_that_are_slower_alone_are_seldom_traced_so() {
-        let alone = traced(Way::Alone, |_| [1.0, 2.0]);
-        assert_eq!(alone, [1, 66, 195, 452, 709, 966]);
-    }
-
-    #[test]
-    fn each_part_of_the_rays_is_traced_in_its_faster_way() {
-        let is_coherent = |group: usize| group % 200 < 100;
-        let time = |group| {
-            if is_coherent(group) {
-                [1.0, 9.0]
-            } else {
-                [40.0, 20.0]
+                }
+            };
+            let (ways, measured) = ways(&mut race, 2000, time);
+            assert_eq!(measured[..10], expected, "{faster:?}");
+            assert!(measured.len() < 30, "{faster:?}: seldom");
+            for (group, way) in ways.iter().enumerate() {
+                assert!(*way == faster || measured.contains(&group), "group {group}");
             }
-        };
-        let together = traced(Way::Together, time);
-        let right = together.iter().filter(|group| is_coherent(**group)).count();
-        assert!(right > 300, "{right} of 500 coherent groups");
-        assert!(
-            together.len() - right < 50,
-            "{} others",
-            together.len() - right
-        );
-    }
-
-    #[test]
-    fn one_interrupted_group_changes_little() {
-        let together = traced(Way::Together, |group| {
-            [if group == 40 { 99.0 } else { 1.0 }, 2.0]
-        });
-        assert!(together.len() > 985, "{}", together.len());
-    }
-
-    #[test]
-    fn groups_are_skipped_while_others_follow() {
-        let mut race = Race::default();
-        assert!(!race.skips(1), "the first is traced together");
-        for way in [
-            Way::Together,
-            Way::Alone,
-            Way::Together,
-            Way::Alone,
-            Way::Together,
-        ] {
-            assert_eq!(race.next(), way);
-            race.learn(way, if way == Way::Together { 2.0 } else { 1.0 });
         }
-        assert_eq!(race.wait, 2);
-        assert!(!race.skips(2), "the last one is measured");
-        assert!(race.skips(1));
-        assert!(!race.skips(1), "the last one");
+    }
+
+    #[test]
+    fn groups_are_skipped_while_rays_alone_are_faster() {
+        let slower = |slow: Way| move |way| f32::from(1 + u8::from(way == slow));
+        let mut race = Race::default();
+        assert!(!race.skips(1), "nothing is known");
+        ways(&mut race, 2, slower(Way::Together));
+        assert!(!race.skips(2 * SHORT), "a measurement is among them");
+        assert!(race.skips(2 * SHORT - 1), "up to it");
+        assert!(!race.skips(1), "it is next");
+        assert_eq!(race.next(), (Way::Alone, false), "the last of the pause");
+        assert_eq!(race.next(), (Way::Together, true), "the measurement");
+        let mut race = Race::default();
+        ways(&mut race, 2, slower(Way::Alone));
+        assert!(!race.skips(1), "rays together are faster");
+    }
+
+    #[test]
+    fn a_change_is_noticed() {
+        let slower = |slow: Way| move |way| f32::from(1 + u8::from(way == slow));
+        let mut race = Race::default();
+        ways(&mut race, 300, slower(Way::Alone));
+        let (ways, _) = ways(&mut race, 1000, slower(Way::Together));
+        assert_eq!(ways[999], Way::Alone);
+    }
+
+    #[test]
+    fn one_slow_group_among_others_changes_little() {
+        let mut race = Race::default();
+        let mut count = 0;
+        let (ways, _) = ways(&mut race, 1000, |way| {
+            count += 1;
+            let is_interrupted = count == 9;
+            f32::from(1 + u8::from(way == Way::Alone) + 10 * u8::from(is_interrupted))
+        });
+        let alone = ways.iter().filter(|way| **way == Way::Alone).count();
+        assert!(alone < 20, "{alone} groups in the slower way");
     }
 }

@@ -63,10 +63,12 @@ impl Scattered {
                 continue;
             }
             let found = &mut found[..run.len()];
-            let way = self.race.next();
-            let clock = Stopwatch::start();
+            let (way, is_measured) = self.race.next();
+            let clock = is_measured.then(Stopwatch::start);
             batch.trace_gathered(way, &self.alike, found);
-            self.race.learn(way, clock.per_ray(run.len()));
+            if let Some(clock) = clock {
+                self.race.learn(way, clock.per_ray(run.len()));
+            }
             for (number, answer) in run.iter().zip(found) {
                 answers[*number as usize] = *answer;
                 self.is_done[*number as usize] = true;
