@@ -172,7 +172,7 @@ mod tests {
             };
             let (ways, measured) = ways(&mut race, 2000, time);
             assert_eq!(measured[..10], expected, "{faster:?}");
-            assert!(measured.len() < 30, "{faster:?}: seldom");
+            assert!(measured.len() < 40, "{faster:?}: seldom");
             for (group, way) in ways.iter().enumerate() {
                 assert!(*way == faster || measured.contains(&group), "group {group}");
             }
