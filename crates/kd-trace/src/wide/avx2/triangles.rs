@@ -351,3 +351,139 @@ impl TriangleRay {
         view.sure_hit(corners, block.triangles[lane])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::{Aabb, Ray};
+    use kd_oracle::effort;
+    use kd_oracle::rng::Rng;
+
+    use super::super::nodes::{NodeRay, Prepared};
+    use super::*;
+
+    /// Between -1 and 1.
+    fn number(rng: &mut Rng) -> f32 {
+        2.0 * rng.unit() - 1.0
+    }
+
+    fn point(rng: &mut Rng) -> Vec3 {
+        Vec3::new(number(rng), number(rng), number(rng))
+    }
+
+    /// A power of two.
+    fn power(rng: &mut Rng, exponents: std::ops::Range<i32>) -> f32 {
+        let count = usize::try_from(exponents.end - exponents.start).expect("a range");
+        let exponent = exponents.start + i32::try_from(rng.below(count)).expect("few");
+        2.0_f32.powi(exponent)
+    }
+
+    /// Eight triangles, fat, thin or flat, along or across the ray, near a point; and a ray through it or past an edge of one.
+    fn scene(rng: &mut Rng) -> (Block, Aabb, Ray) {
+        let scale = power(rng, -40..34);
+        let center = scale * point(rng);
+        let origin = center - scale * power(rng, -3..3) * point(rng);
+        let along = (center - origin).normalize_or(Vec3::X);
+        let mut block = Block::EMPTY;
+        let mut bounds = Aabb::EMPTY;
+        let mut target = center;
+        for lane in 0..WIDTH {
+            let size = scale * power(rng, -16..0);
+            let (deep, flat) = (power(rng, -3..8), power(rng, -20..1));
+            let corner = |rng: &mut Rng| {
+                let mut p = point(rng);
+                p.z *= flat;
+                center + size * (p + deep * number(rng) * along)
+            };
+            let corners = [corner(rng), corner(rng), corner(rng)];
+            if lane == 0 {
+                let (u, v) = (rng.unit(), rng.unit());
+                let (u, v) = if u + v > 1.0 {
+                    (1.0 - u, 1.0 - v)
+                } else {
+                    (u, v)
+                };
+                let v = if rng.below(4) == 0 { 0.0 } else { v };
+                target = corners[0] + u * (corners[1] - corners[0]) + v * (corners[2] - corners[0]);
+            }
+            block.set(lane, 7 * u32::try_from(lane).expect("few"), corners);
+            for corner in corners {
+                bounds = bounds.union(&Aabb {
+                    min: corner,
+                    max: corner,
+                });
+            }
+        }
+        let ray = Ray::new(origin, (target - origin) / scale * power(rng, -6..6));
+        (block, bounds, ray)
+    }
+
+    /// Decided hits are candidates, their depths are in the intervals, and triangles that are surely hit are decided alike. Part of
+    /// each bound is needed.
+    #[test]
+    fn intervals_hold_decided_hits() {
+        let Some(simd) = Avx2::detect() else { return };
+        let mut rng = Rng(1);
+        let (mut sure, mut unsure) = (0, 0);
+        let (mut of_error, mut of_rounding) = (0.0_f64, 0.0_f64);
+        for _ in 0..effort::cases(30_000, 1_000_000) {
+            let (block, bounds, ray) = scene(&mut rng);
+            let frame = Frame::new(&bounds);
+            // SAFETY: there is an `Avx2`.
+            let numbers = unsafe { Numbers::of(&ray) };
+            // SAFETY: the same.
+            if !matches!(
+                unsafe { NodeRay::usual(&numbers, &frame) },
+                Prepared::Usual(_)
+            ) {
+                continue;
+            }
+            // SAFETY: the same.
+            let test = unsafe { TriangleRay::new(&numbers, &frame) };
+            // SAFETY: the same.
+            let found = unsafe { candidates::<()>(&test, &block, f32::MAX) };
+            for lane in 0..WIDTH {
+                let decided = test.decide(simd, &block, lane);
+                let is_in = |lanes: u32| lanes >> lane & 1 != 0;
+                let Some(hit) = decided else {
+                    let is_sure = found.is_some_and(|found| is_in(found.sure));
+                    assert!(!is_sure, "{ray:?} surely hits lane {lane} of {block:?}");
+                    continue;
+                };
+                let found = found.filter(|found| is_in(found.lanes));
+                let found = found.unwrap_or_else(|| panic!("{ray:?}: lane {lane} of {block:?}"));
+                let lane_number = u32::try_from(lane).expect("few");
+                // SAFETY: the same.
+                let [first, last] = unsafe { found.interval(lane_number) }.map(f64::from);
+                let depth = f64::from(hit.t) * f64::from(test.speed);
+                assert!(
+                    (first..=last).contains(&depth),
+                    "{ray:?}: lane {lane} of {block:?}"
+                );
+                if !is_in(found.sure) {
+                    unsure += 1;
+                    continue;
+                }
+                sure += 1;
+                assert_eq!(
+                    test.hit(&block, lane),
+                    hit,
+                    "{ray:?}: lane {lane} of {block:?}"
+                );
+                let error = (depth - 0.5 * (first + last)).abs();
+                let bound = 0.5 * (last - first);
+                // The reach is at least the depth.
+                let rounding = 24.0 * f64::from(U) * depth.abs();
+                if bound < 2.0 * rounding {
+                    of_rounding = of_rounding.max(error / rounding);
+                } else if bound > 8.0 * rounding {
+                    of_error = of_error.max(error / bound);
+                }
+            }
+        }
+        assert!(sure > 1000 && unsure > 1000, "{sure} sure hits, {unsure} others");
+        // With terms a hundredth and a twentieth as large, hits are outside.
+        assert!(of_error > 0.01, "{of_error} of the first term");
+        assert!(of_rounding > 0.05, "{of_rounding} of the second term");
+    }
+}
