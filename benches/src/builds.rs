@@ -54,6 +54,7 @@ pub(crate) fn run(arguments: &BuildsArgs) -> anyhow::Result<bool> {
     };
     let command = SceneTable {
         usual: Some(&SCENES),
+        with_rooms: false,
         view: View::named(&["builds"], ("LAYOUT", layout.name()))?,
         file: "builds.jsonl",
         note: "and their geometric mean; ours and its baseline run in turns",

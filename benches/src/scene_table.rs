@@ -48,6 +48,8 @@ pub(crate) struct SceneTableArgs {
 pub(crate) struct SceneTable<'a> {
     /// The scenes in a folder if none is named; `None` for all of them.
     pub(crate) usual: Option<&'a [&'a str]>,
+    /// Whether the generated rooms are measured beside those of a folder if none is named.
+    pub(crate) with_rooms: bool,
     pub(crate) view: View,
     /// The file of rows in the folder of the run.
     pub(crate) file: &'a str,
@@ -61,9 +63,19 @@ pub(crate) struct SceneTable<'a> {
 
 impl SceneTableArgs {
     /// The chosen scenes.
-    fn sources(&self, usual: Option<&[&str]>) -> anyhow::Result<Vec<SceneSource>> {
+    fn sources(
+        &self,
+        usual: Option<&[&str]>,
+        with_rooms: bool,
+    ) -> anyhow::Result<Vec<SceneSource>> {
         let named = match (&self.scenes, usual) {
-            (Some(folder), None) if self.scene.is_empty() => return scenes::in_folder(folder),
+            (Some(folder), None) if self.scene.is_empty() => {
+                let mut sources = scenes::in_folder(folder)?;
+                if with_rooms {
+                    sources.extend(scenes::rooms(self.smoke));
+                }
+                return Ok(sources);
+            }
             (Some(_), Some(usual)) if self.scene.is_empty() => {
                 &usual.iter().map(|name| (*name).to_owned()).collect()
             }
@@ -82,7 +94,7 @@ impl SceneTableArgs {
         measure: impl Fn(&mut Session<'_>, &Scene) -> anyhow::Result<()>,
         more: impl FnOnce(&RunFolder, &[Record]) -> anyhow::Result<String>,
     ) -> anyhow::Result<bool> {
-        let sources = self.sources(command.usual)?;
+        let sources = self.sources(command.usual, command.with_rooms)?;
         let environment = Environment::detect();
         let folder = RunFolder::create(self.out.as_deref(), &environment.rev)?;
         let (mut cells, mut problems) = (Vec::new(), Vec::new());

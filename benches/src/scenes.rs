@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use kd::Mesh;
 use kd::glam::Vec3;
-use kd_scene::{Camera, Light, SceneDescription, Spd};
+use kd_scene::{Camera, Light, Room, SceneDescription, SceneSetup, Spd, SpdError};
 
 use crate::arguments::UsageError;
 use crate::scene_views::{self, SceneView};
@@ -49,15 +49,42 @@ pub(crate) struct SceneSource {
 
 #[derive(Debug)]
 enum Origin {
-    Generated { spd: Spd, size: u32 },
+    Generated { by: Generator, size: u32 },
     File { path: PathBuf, view: SceneView },
+}
+
+/// A family of generated scenes.
+#[derive(Clone, Copy, Debug)]
+enum Generator {
+    Spd(Spd),
+    Room(Room),
+}
+
+impl Generator {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Spd(spd) => spd.name(),
+            Self::Room(room) => room.name(),
+        }
+    }
+
+    fn generate(self, size: u32) -> Result<SceneSetup, SpdError> {
+        match self {
+            Self::Spd(spd) => spd.generate(size),
+            Self::Room(room) => room.generate(size),
+        }
+    }
 }
 
 impl SceneSource {
     pub(crate) fn generated(spd: Spd, size: u32) -> Self {
+        Self::generated_by(Generator::Spd(spd), size)
+    }
+
+    fn generated_by(by: Generator, size: u32) -> Self {
         Self {
-            name: format!("{spd}-{size}"),
-            origin: Origin::Generated { spd, size },
+            name: format!("{}-{size}", by.name()),
+            origin: Origin::Generated { by, size },
         }
     }
 
@@ -68,8 +95,8 @@ impl SceneSource {
     /// The scene, and its description for a renderer.
     pub(crate) fn load_described(&self) -> anyhow::Result<(Scene, SceneDescription)> {
         match &self.origin {
-            Origin::Generated { spd, size } => {
-                let setup = spd.generate(*size)?;
+            Origin::Generated { by, size } => {
+                let setup = by.generate(*size)?;
                 let scene = Scene {
                     mesh: Arc::new(setup.mesh.clone()),
                     camera: setup.camera,
@@ -103,7 +130,7 @@ impl SceneSource {
     /// The name without the size of generated scenes.
     fn bare_name(&self) -> &str {
         match &self.origin {
-            Origin::Generated { spd, .. } => spd.name(),
+            Origin::Generated { by, .. } => by.name(),
             Origin::File { .. } => &self.name,
         }
     }
@@ -122,6 +149,9 @@ pub(crate) fn choose_from(
     smoke: bool,
 ) -> anyhow::Result<Vec<SceneSource>> {
     let mut sources = generated(smoke);
+    if !names.is_empty() {
+        sources.extend(rooms(smoke));
+    }
     if let Some(folder) = folder {
         sources.extend(in_folder(folder)?);
     }
@@ -173,6 +203,14 @@ fn generated(smoke: bool) -> Vec<SceneSource> {
         Some(SceneSource::generated(*spd, size))
     });
     sized.collect()
+}
+
+/// The generated rooms, which are measured where they are named or belong to the goals.
+pub(crate) fn rooms(smoke: bool) -> Vec<SceneSource> {
+    let size = if smoke { 2 } else { 300 };
+    Room::ALL
+        .map(|room| SceneSource::generated_by(Generator::Room(room), size))
+        .into()
 }
 
 /// The mesh files directly in a folder, by name.
@@ -249,9 +287,14 @@ mod tests {
             ["balls-1", "tetra-4"],
             "in order"
         );
-        let refused = chosen(&["--scene", "hall"]).expect_err("no such scene");
+        assert_eq!(
+            chosen(&["--scene", "library,hall-300"]).expect("both"),
+            ["hall-300", "library-300"],
+            "rooms"
+        );
+        let refused = chosen(&["--scene", "cellar"]).expect_err("no such scene");
         assert!(
-            refused.contains("no scene is called `hall`") && refused.contains("tetra-7"),
+            refused.contains("no scene is called `cellar`") && refused.contains("tetra-7"),
             "{refused}"
         );
     }

@@ -20,6 +20,7 @@ pub(crate) fn run(arguments: &SceneTableArgs) -> anyhow::Result<bool> {
     peers::check_available()?;
     let command = SceneTable {
         usual: Some(&SCENES),
+        with_rooms: false,
         view: View::named(&["structures"], ("", ""))?,
         file: "structures.jsonl",
         note: "and their geometric mean; one ray at a time, on one thread; speeds are geometric means over primary, shadow, AO, \

@@ -378,12 +378,24 @@ impl Row {
         }
     }
 
+    /// The scene whose value is furthest from the goal, and the value; `None` without a goal or a value.
+    fn worst<'a>(&self, scenes: &'a [String]) -> Option<(&'a str, f64)> {
+        let known = scenes.iter().zip(&self.values);
+        let known = known.filter_map(|(scene, value)| Some((scene.as_str(), (*value)?)));
+        let by_value = |a: &(&str, f64), b: &(&str, f64)| a.1.total_cmp(&b.1);
+        match self.goal {
+            Goal::AtMost(_) => known.max_by(by_value),
+            Goal::AtLeast(_) => known.min_by(by_value),
+            Goal::None => None,
+        }
+    }
+
     /// `None` without a value.
     pub(crate) fn is_met(&self) -> Option<bool> {
         self.value.map(|value| self.goal.is_met_by(value))
     }
 
-    fn cells(&self) -> Vec<String> {
+    fn cells(&self, scenes: &[String]) -> Vec<String> {
         let met = match (self.goal, self.is_met()) {
             (Goal::None, _) | (_, None) => "–",
             (_, Some(true)) => "yes",
@@ -394,6 +406,9 @@ impl Row {
             number(self.value),
             self.goal.to_string(),
             met.into(),
+            self.worst(scenes).map_or("–".into(), |(scene, value)| {
+                format!("{} {scene}", number(Some(value)))
+            }),
         ];
         cells.extend(self.values.iter().copied().map(number));
         cells
@@ -416,6 +431,7 @@ impl Table {
                 "goal": goal,
                 "sense": sense,
                 "met": row.is_met(),
+                "worst": row.worst(&self.scenes).map(|(scene, value)| json!({ "scene": scene, "value": value })),
                 "scenes": by_scene.collect::<BTreeMap<String, Option<f64>>>(),
             })
         }))
@@ -431,10 +447,10 @@ impl Table {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let titles = ["", "all", "goal", "met"].into_iter();
+        let titles = ["", "all", "goal", "met", "worst"].into_iter();
         let mut table = text::empty_table(titles.chain(self.scenes.iter().map(String::as_str)));
         for row in &self.rows {
-            table.add_row(row.cells());
+            table.add_row(row.cells(&self.scenes));
         }
         text::align_right(&mut table, 1);
         table.fmt(f)
@@ -554,16 +570,23 @@ mod tests {
         };
         assert_eq!(
             words(0),
-            ["speed", "2.000", "≥", "1.5", "yes", "1.000", "4.000"],
+            [
+                "speed", "2.000", "≥", "1.5", "yes", "1.000", "a", "1.000", "4.000"
+            ],
             "{text}"
         );
         assert_eq!(words(1)[4], "NO", "{text}");
         assert_eq!(
             words(3),
-            ["speed", "40.0", "–", "–", "1.000", "40.0"],
+            ["speed", "40.0", "–", "–", "–", "1.000", "40.0"],
             "{text}"
         );
-        assert_eq!(words(5), ["speed", "–", "≤", "0", "–", "–", "–"], "{text}");
+        assert_eq!(words(2)[5..7], ["40.0", "b"], "{text}");
+        assert_eq!(
+            words(5),
+            ["speed", "–", "≤", "0", "–", "–", "–", "–"],
+            "{text}"
+        );
         let lines = table.to_lines().expect("plain data");
         let lines: Vec<&str> = lines.lines().collect();
         for (line, parts) in [
@@ -573,7 +596,8 @@ mod tests {
                 lines[4],
                 ["\"met\":true", "\"scenes\":{\"a\":null,\"b\":12.0}"],
             ),
-            (lines[5], ["\"met\":null", "\"value\":null"]),
+            (lines[0], ["\"scene\":\"a\"", "\"value\":1.0"]),
+            (lines[5], ["\"met\":null", "\"worst\":null"]),
         ] {
             assert!(
                 parts.iter().all(|part| line.contains(part)),

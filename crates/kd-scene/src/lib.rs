@@ -45,6 +45,7 @@ mod load;
 mod load_scene;
 mod obj;
 mod ply;
+mod rooms;
 mod spd;
 mod tessellate;
 #[cfg(feature = "scenes")]
@@ -70,6 +71,7 @@ pub use obj::read_obj;
 #[cfg(feature = "scenes")]
 pub use obj::read_obj_scene;
 pub use ply::read_ply;
+pub use rooms::Room;
 pub use spd::{SceneSetup, Spd, SpdError};
 #[cfg(feature = "scenes")]
 pub use toy_room::{toy_room, toy_room_aff};

@@ -244,13 +244,17 @@ impl FromStr for Spd {
 }
 
 /// The camera and the lights of a scene.
-struct CameraAndLights {
-    camera: Camera,
-    lights: Vec<Vec3>,
+pub(crate) struct CameraAndLights {
+    pub(crate) camera: Camera,
+    pub(crate) lights: Vec<Vec3>,
 }
 
 /// A camera with a field of view of 45 degrees and up along +z, as in most scenes, and lights.
-fn camera_and_lights(eye: [f32; 3], target: [f32; 3], lights: &[[f32; 3]]) -> CameraAndLights {
+pub(crate) fn camera_and_lights(
+    eye: [f32; 3],
+    target: [f32; 3],
+    lights: &[[f32; 3]],
+) -> CameraAndLights {
     CameraAndLights {
         camera: Camera {
             eye: eye.into(),

@@ -28,6 +28,11 @@ impl MeshDraft {
         index.expect("a scene within its limit of triangles has far fewer than 2^32 vertices")
     }
 
+    /// The number of triangles.
+    pub(crate) fn triangles(&self) -> usize {
+        self.triangles.len()
+    }
+
     pub(crate) fn triangle(&mut self, corners: [u32; 3]) {
         self.triangles.push(corners);
     }

@@ -481,8 +481,11 @@ mod tests {
                 }
             }
         }
-        assert!(sure > 1000 && unsure > 1000, "{sure} sure hits, {unsure} others");
-        // With terms a hundredth and a twentieth as large, hits are outside.
+        assert!(
+            sure > 1000 && unsure > 1000,
+            "{sure} sure hits, {unsure} others"
+        );
+        // With terms a hundredth as large, hits are outside.
         assert!(of_error > 0.01, "{of_error} of the first term");
         assert!(of_rounding > 0.05, "{of_rounding} of the second term");
     }
