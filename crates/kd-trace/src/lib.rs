@@ -69,7 +69,8 @@
 //!
 //! One function of a ray and a triangle decides, and every query returns exactly the answer of applying it to every triangle
 //! ([`brute_force`]): the tree, its planes and their rounding are not visible in any answer. `occluded` accepts a triangle in
-//! f32 where the bound of the error proves that the function accepts it.
+//! f32 where the bound of the error proves that the function accepts it, and `intersect` orders triangles in f32 where the bounds
+//! prove their order, and applies the function to the first.
 //!
 //! - Triangles are closed and have two sides: a ray through an edge or a corner hits every triangle around it, so
 //!   no ray slips through a closed surface. A triangle seen edge-on, or of no area, is not hit, except where the

@@ -38,6 +38,12 @@
 //! the second term rounded once for all of them, and the difference not at all: its error is `2⁻²⁴ |o / d|`, and 2⁻²² of the
 //! origin's coordinates is added to the bound.
 //!
+//! A *usual* ray starts at most 2²² sides and twice C away on each axis. Then `2⁻⁴⁶ (R + C)` is at most `2⁻²⁴ W + 2⁻⁴⁴ C`, and the
+//! bound is computed with this instead: it needs no R ([`Frame::usual_distance`]).
+//!
+//! The end of a ray may be the depth of a hit over the speed, rounded twice: 2 · 2⁻²⁴ of its `t`, which is at most Q |1/d| on each
+//! axis, and an eighth of the bound.
+//!
 //! A ray leaves the near side of a plane at the interval's end, and enters the far side at its start. So the spans
 //! of all cells on the path to P contain the `t` that is reported for P, and nothing else needs a bound: a cell may
 //! be passed over as soon as a hit is known whose `t` lies before the cell's span.

@@ -1,11 +1,12 @@
 //! Rays through wide nodes.
 //!
 //! ```text
-//! one ray       walk ─▶ enter a node, visit a leaf (portable, avx2)
+//! one ray       avx2::single, or walk ─▶ enter a node, visit a leaf (portable, avx2)
 //! eight rays    packet: coherent lanes traverse together
 //! many rays     batch ─▶ tile: up to 64 coherent neighbors traverse together
 //!                    ├─▶ scattered ─▶ sorter ─▶ tile: coherent rays that are not neighbors
-//!                    └─▶ queue: incoherent rays, sixteen at a time, in turns
+//!                    ├─▶ queue: incoherent rays, sixteen at a time, in turns
+//!                    └─▶ one by one, where a race shows that this is faster
 //! ```
 //!
 //! The nodes and how they are made are in `kd-wide`.
@@ -37,7 +38,8 @@ use crate::dispatch::{
 use crate::ray_query::RayQuery;
 
 /// Batches detect coherent rays: runs of 64, from the first ray on, are traced together while they stay together. Other rays
-/// are sorted into coherent groups while that pays, and the rest is traced sixteen at a time, in turns. In a packet, rays that
+/// are sorted into coherent groups while that pays, and the rest is traced sixteen at a time, in turns. Each of these ways is
+/// timed against single rays on the way, and used where it is faster. In a packet, rays that
 /// move most on the same axis, with the same signs on all axes, traverse together.
 impl RayQuery for WideTree {
     type Hit = Hit;

@@ -33,7 +33,7 @@
 //!
 //! - **Cells of more than 1024 triangles** ([`PLANES_ABOVE`]) follow the planes of the kd-tree (*plane split*). A triangle
 //!   that a plane cuts goes to both sides with a tight box for each, or to one side as a whole where that costs less.
-//!   A cell is divided by the centers of its triangles instead (*object split*) where that costs less than 0.9 of the plane.
+//!   A cell is divided by the centers of its triangles instead (*object split*) where that costs less than half of the plane.
 //! - **Smaller cells** are divided by object splits alone. The planes that the kd-tree has there are not used.
 //!
 //! So a mesh of at most 1024 triangles gets the same nodes from every kd-tree builder, and the choice of a builder shows in

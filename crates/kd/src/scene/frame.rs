@@ -172,7 +172,7 @@ impl FrameData {
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<(PartId, Hit)>]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         /// Rays per call to the trees; bounds the memory for their hits.
-        const CHUNK: usize = 4096;
+        const CHUNK: usize = 1 << 16;
         let mut found = vec![None; rays.len().min(CHUNK)];
         for (rays, hits) in rays.chunks(CHUNK).zip(hits.chunks_mut(CHUNK)) {
             let found = &mut found[..rays.len()];
