@@ -13,6 +13,10 @@
     unsafe_code,
     reason = "intrinsics; the portable twin is in `portable`, and tests compare both with brute force"
 )]
+#![allow(
+    clippy::multiple_unsafe_ops_per_block,
+    reason = "nearly every line is an instruction, or an address and a load; each block says what makes it safe"
+)]
 
 mod nodes;
 mod single;

@@ -135,11 +135,15 @@ pub(super) struct Candidates {
 /// The second term is for rounding, with S ≤ 2Z ≤ 2L and Σ |w d / D| ≤ S: 4u of each w / D, together 8uL; u of each d and
 /// 2uZ of its two coordinates, together 4uL; uL of the coordinate of a; uL for each of two fused multiply-adds; uL when `t` is
 /// rounded to f32; uL when an end is; uL of the limit or the start, which are products of a `t` near this one. That is 18uL,
-/// while we allow 24uL, and PER_STEP where `t` underflows.
+/// while we allow 24uL, and `PER_STEP` where `t` underflows.
 ///
 /// Where a weight is within B, the hit is somewhere in the triangle, between `z_a` - S and `z_a` + S.
 ///
 /// Each `Caller` gets a copy of its own, which the compiler inlines.
+#[allow(
+    clippy::extra_unused_type_parameters,
+    reason = "it makes a copy for each caller"
+)]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 pub(super) fn candidates<Caller>(
@@ -432,10 +436,8 @@ mod tests {
             // SAFETY: there is an `Avx2`.
             let numbers = unsafe { Numbers::of(&ray) };
             // SAFETY: the same.
-            if !matches!(
-                unsafe { NodeRay::usual(&numbers, &frame) },
-                Prepared::Usual(_)
-            ) {
+            let prepared = unsafe { NodeRay::usual(&numbers, &frame) };
+            if !matches!(prepared, Prepared::Usual(_)) {
                 continue;
             }
             // SAFETY: the same.
