@@ -67,6 +67,7 @@ impl View<f64> {
     }
 
     /// [`hit`](Self::hit) of a triangle that is surely hit between the ends of the ray, with finer weights that can be used.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) fn sure_hit<T: Triple<Number = f64>>(&self, corners: [T; 3], triangle: u32) -> Hit {
         let sight = self.sight(corners);

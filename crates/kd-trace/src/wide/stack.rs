@@ -102,6 +102,7 @@ impl Pending<'_> {
     /// # Panics
     ///
     /// If nothing is pending.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) fn last(&self) -> Child {
         assert!(self.len > 0, "something is pending");
