@@ -19,7 +19,7 @@ pub(super) const FEWEST: usize = 16;
 
 /// The rays of a queue, and the fewest. Near its end few rays are active.
 const IN_TURN: usize = 512;
-const FEWEST_IN_TURN: usize = 128;
+const FEWEST_IN_TURN: usize = 64;
 
 /// Rays that are sorted together.
 const WINDOW: usize = 4096;
