@@ -25,7 +25,8 @@ pub(crate) trait TraceSimd: Simd {
     /// A ray, prepared for wide nodes and blocks.
     type Ray: WideRay;
 
-    /// Prepares a ray for a tree with this frame; `None` if the ray cannot hit anything.
+    /// Prepares a ray for a tree with this frame, to traverse in turns with others; `None` for a ray that is traced alone, or that
+    /// cannot hit anything.
     fn prepare(self, ray: &Ray, frame: &Frame) -> Option<Self::Ray>;
 
     /// Gives the collector every hit of one ray that it may want, roughly front to back.

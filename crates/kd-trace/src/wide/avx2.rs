@@ -4,7 +4,7 @@
 //! numbers of a ray ─▶ nodes       a ray for nodes: which boxes it meets, what it pushes
 //!                  └▶ triangles   a ray for blocks: which triangles it may hit, at which depths
 //! single            both in one loop, for one ray alone
-//! Avx2Ray           both prepared at once, for rays that traverse in turns, or that leave a packet or a tile
+//! Avx2Ray           both prepared at once, for rays that traverse in turns
 //! ```
 //!
 //! `unsafe` code is here for two reasons: an instruction of AVX2 or FMA, which an [`Avx2`] proves to exist, or a read of eight
@@ -34,9 +34,8 @@ use super::subtree::Subtree;
 use super::walk::WideRay;
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
-use crate::planes::{Frame, RayPlanes};
+use crate::planes::Frame;
 use crate::probe::Probe;
-use crate::triangle::TriangleTest;
 use nodes::{NodeRay, Numbers, Prepared};
 use triangles::{TriangleRay, candidates};
 
@@ -48,7 +47,8 @@ impl TraceSimd for Avx2 {
 
     #[inline(always)]
     fn prepare(self, ray: &Ray, frame: &Frame) -> Option<Avx2Ray> {
-        Avx2Ray::new(self, ray, frame)
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { Avx2Ray::new(self, ray, frame) }
     }
 
     #[inline(always)]
@@ -76,60 +76,39 @@ impl TraceSimd for Avx2 {
     }
 }
 
-/// A ray on a processor with AVX2 and FMA.
+/// A usual ray, prepared for nodes and triangles at once.
 pub(crate) struct Avx2Ray {
     /// The proof that the processor has AVX2.
     simd: Avx2,
     nodes: NodeRay,
-    test: Test,
-}
-
-/// How a ray is tested against triangles.
-enum Test {
-    Usual(TriangleRay),
-    /// With numbers where the bounds of the other one do not hold.
-    Unusual(TriangleTest),
+    triangles: TriangleRay,
 }
 
 impl Avx2Ray {
-    /// `None` if the ray cannot hit anything.
-    ///
-    /// Inlined, so that its many fields are written at their final place. (A call that returns them copies them: 30 ns a ray.)
-    #[inline(always)]
-    pub(crate) fn new(simd: Avx2, ray: &Ray, frame: &Frame) -> Option<Self> {
-        // SAFETY: there is an `Avx2`.
-        unsafe { Self::prepare(simd, ray, frame) }
-    }
-
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
-    fn prepare(simd: Avx2, ray: &Ray, frame: &Frame) -> Option<Self> {
+    fn new(simd: Avx2, ray: &Ray, frame: &Frame) -> Option<Self> {
         let numbers = Numbers::of(ray);
         match NodeRay::usual(&numbers, frame) {
-            Prepared::Miss => None,
-            Prepared::Unusual => NodeRay::unusual(ray, frame).map(|nodes| Self {
-                simd,
-                nodes,
-                test: Test::Unusual(TriangleTest::new(ray, RayPlanes::new(ray, frame).reach())),
-            }),
             Prepared::Usual(nodes) => Some(Self {
                 simd,
                 nodes,
-                test: Test::Usual(TriangleRay::new(&numbers, frame)),
+                triangles: TriangleRay::new(&numbers, frame),
             }),
+            Prepared::Unusual | Prepared::Miss => None,
         }
     }
 
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
-    fn visit_usual<C: Collect, P: Probe>(
+    fn visit<C: Collect, P: Probe>(
         &self,
-        ray: &TriangleRay,
         blocks: &[Block],
         limit: f32,
         collector: &mut C,
         probe: &mut P,
     ) -> ControlFlow<()> {
+        let ray = &self.triangles;
         for block in blocks {
             probe.block();
             let Some(candidates) = candidates::<(C, P)>(ray, block, limit * ray.speed) else {
@@ -139,15 +118,7 @@ impl Avx2Ray {
                 collector.take_any();
                 return ControlFlow::Break(());
             }
-            let mut lanes = candidates.lanes;
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize % WIDTH;
-                lanes &= lanes - 1;
-                probe.decision();
-                if let Some(hit) = ray.decide(self.simd, block, lane) {
-                    collector.take(hit)?;
-                }
-            }
+            ray.take_each(self.simd, block, candidates.lanes, collector, probe)?;
         }
         ControlFlow::Continue(())
     }
@@ -161,7 +132,7 @@ impl WideRay for Avx2Ray {
 
     #[inline(always)]
     fn steps(&self, t: f32) -> f32 {
-        t * self.nodes.steps
+        t
     }
 
     #[inline(always)]
@@ -187,8 +158,7 @@ impl WideRay for Avx2Ray {
         }
     }
 
-    /// Not inlined: the loop around it would keep the constants of triangles on its stack, and prepare them for rays that meet
-    /// no leaf.
+    /// Not inlined: the loop around it would keep the constants of triangles on its stack.
     #[inline(never)]
     fn visit<C: Collect, P: Probe>(
         &self,
@@ -197,11 +167,8 @@ impl WideRay for Avx2Ray {
         collector: &mut C,
         probe: &mut P,
     ) -> ControlFlow<()> {
-        match &self.test {
-            // SAFETY: there is an `Avx2`.
-            Test::Usual(ray) => unsafe { self.visit_usual(ray, blocks, limit, collector, probe) },
-            Test::Unusual(test) => test.visit(blocks, collector, probe),
-        }
+        // SAFETY: there is an `Avx2`.
+        unsafe { self.visit(blocks, limit, collector, probe) }
     }
 }
 

@@ -17,9 +17,10 @@ use kd_simd::min;
 use kd_wide::{Child, WideTree};
 
 use super::stack::Stack;
+use super::subtree::Subtree;
 use super::walk::WideRay;
 use crate::collect::Collect;
-use crate::dispatch::TraceSimd;
+use crate::dispatch::{Search, TraceSimd};
 
 /// Active rays. (8 and 32 were not faster, on four meshes.)
 const SLOTS: usize = 16;
@@ -29,7 +30,7 @@ const FEW: usize = 4;
 
 /// Traces the rays of these numbers, each with its own collector, which is passed to `take`, in any order.
 #[inline(always)]
-pub(crate) fn trace<S: TraceSimd, C: Collect + Default>(
+pub(crate) fn trace<S: TraceSimd, C: Search>(
     simd: S,
     tree: &WideTree,
     rays: &[Ray],
@@ -151,12 +152,13 @@ struct Waiting<'a, S, N, T> {
 impl<S: TraceSimd, N: Iterator<Item = usize>, T> Waiting<'_, S, N, T> {
     /// Puts the next ray in an empty slot; false if none is left.
     #[inline(always)]
-    fn begin<C: Collect + Default>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
+    fn begin<C: Search>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
     where
         T: FnMut(usize, C),
     {
         for number in self.numbers.by_ref() {
-            if let Some(ray) = self.simd.prepare(&self.rays[number], self.tree.frame()) {
+            let ray = &self.rays[number];
+            if let Some(ray) = self.simd.prepare(ray, self.tree.frame()) {
                 slot.number = number;
                 slot.limit = ray.end();
                 slot.ray = Some(ray);
@@ -167,14 +169,16 @@ impl<S: TraceSimd, N: Iterator<Item = usize>, T> Waiting<'_, S, N, T> {
                 slot.pending = pending.len();
                 return true;
             }
-            (self.take)(number, C::default());
+            let mut collector = C::default();
+            collector.search(self.simd, Subtree::whole(self.tree), ray, &mut ());
+            (self.take)(number, collector);
         }
         false
     }
 
     /// Finishes the ray of a slot, and [begins](Self::begin) another one.
     #[inline(always)]
-    fn next<C: Collect + Default>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
+    fn next<C: Search>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
     where
         T: FnMut(usize, C),
     {

@@ -7,7 +7,7 @@ use kd_core::Ray;
 use kd_wide::{Child, WIDTH, WideNode};
 
 use super::{ROW, read_alone};
-use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_REACH, PER_STEP, RELATIVE, unit_of};
+use crate::planes::{Frame, LEAST_SLOPE, PER_ORIGIN, PER_STEP, RELATIVE};
 use crate::wide::stack::Pending;
 
 /// The numbers of a ray, in registers. The fourth of each vector is 0.
@@ -99,11 +99,9 @@ pub(super) struct NodeRay {
     enter: __m128,
     /// Added for a far face: minus the origin's steps, plus the bound.
     exit: __m128,
-    /// Its ends, in steps.
+    /// Its ends. A step is a unit of `t`.
     pub(super) start: f32,
     pub(super) end: f32,
-    /// Steps per unit of `t`.
-    pub(super) steps: f32,
     /// Where the planes of a node are that the ray meets first, and the order of its children.
     pub(super) rows: &'static Rows,
 }
@@ -147,7 +145,7 @@ const fn rows() -> [Rows; 8] {
 pub(super) enum Prepared {
     /// With its numbers in the usual range.
     Usual(NodeRay),
-    /// With other numbers.
+    /// With other numbers: for [`PortableRay`](crate::wide::portable::PortableRay).
     Unusual,
     /// It cannot hit anything.
     Miss,
@@ -157,7 +155,7 @@ impl NodeRay {
     /// A ray whose numbers are in the range where nothing overflows or loses bits: coordinates of the origin up to
     /// [`Frame::usual_origin`], the largest component of the direction between 2⁻³⁰ and 2⁶².
     ///
-    /// A step is a unit of `t` then. Directions below 2⁻⁹⁰ are taken for 2⁻⁹⁰, which is less than 2⁻⁶⁰ of the largest.
+    /// Directions below 2⁻⁹⁰ are taken for 2⁻⁹⁰, which is less than 2⁻⁶⁰ of the largest.
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
     pub(super) fn usual(ray: &Numbers, frame: &Frame) -> Prepared {
@@ -178,9 +176,22 @@ impl NodeRay {
         if !is_range | ray.sees_nothing {
             return Prepared::Miss;
         }
-        let slopes = _mm_max_ps(directions, _mm_set1_ps(LEAST_COMPONENT));
-        let (inverse, from, pad) =
-            ray.crossings(slopes, ray.direction, frame.usual_distance, PER_STEP, frame);
+        let sign = _mm_set1_ps(-0.0);
+        let slopes = _mm_or_ps(
+            _mm_max_ps(directions, _mm_set1_ps(LEAST_COMPONENT)),
+            _mm_and_ps(sign, ray.direction),
+        );
+        let inverse = _mm_div_ps(_mm_set1_ps(1.0), slopes);
+        // The bound: see `planes`.
+        let pad = _mm_fmadd_ps(
+            _mm_set1_ps(RELATIVE),
+            ray.reaches(frame),
+            _mm_set1_ps(frame.usual_distance),
+        );
+        let pad = _mm_fmadd_ps(_mm_set1_ps(PER_ORIGIN), sizes(ray.origin), pad);
+        let pad = _mm_fmadd_ps(pad, sizes(inverse), _mm_set1_ps(PER_STEP));
+        let from = _mm_mul_ps(_mm_xor_ps(ray.origin, sign), inverse);
+        let octant = (_mm_movemask_ps(ray.direction).cast_unsigned() & 0b111) as usize;
         Prepared::Usual(Self {
             inverse,
             enter: _mm_sub_ps(from, pad),
@@ -188,47 +199,7 @@ impl NodeRay {
             start: ray.t_min,
             // A hit is at a finite t.
             end: ray.t_max.min(f32::MAX),
-            steps: 1.0,
-            rows: rows_for(ray.direction),
-        })
-    }
-
-    /// Any ray; `None` if it cannot hit anything.
-    #[cold]
-    #[inline(never)]
-    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-    pub(super) fn unusual(ray: &Ray, frame: &Frame) -> Option<Self> {
-        if !ray.can_hit() {
-            return None;
-        }
-        let numbers = Numbers::of(ray);
-        let unit = unit_of(ray.direction);
-        #[allow(
-            clippy::cast_possible_truncation,
-            reason = "a power of two that f32 has"
-        )]
-        let steps = unit as f32;
-        let direction = (ray.direction.as_dvec3() / unit).as_vec3();
-        let direction = _mm_setr_ps(direction.x, direction.y, direction.z, 0.0);
-        let slopes = _mm_max_ps(
-            sizes(direction),
-            _mm_set1_ps(largest_of(sizes(direction)) * LEAST_SLOPE),
-        );
-        let distance = frame.distance + PER_REACH * numbers.reach(frame);
-        let (inverse, from, pad) =
-            numbers.crossings(slopes, direction, distance, PER_STEP * steps, frame);
-        // Where that overflows, the axis does not count.
-        let infinity = _mm_set1_ps(f32::INFINITY);
-        let is_lost = _mm_cmpeq_ps(sizes(from), infinity);
-        let minus_infinity = _mm_set1_ps(f32::NEG_INFINITY);
-        Some(Self {
-            inverse,
-            enter: _mm_blendv_ps(_mm_sub_ps(from, pad), minus_infinity, is_lost),
-            exit: _mm_blendv_ps(_mm_add_ps(from, pad), infinity, is_lost),
-            start: ray.t_min * steps,
-            end: ray.t_max.min(f32::MAX) * steps,
-            steps,
-            rows: rows_for(direction),
+            rows: &ROWS[octant],
         })
     }
 
@@ -248,40 +219,6 @@ impl NodeRay {
             start: _mm256_set1_ps(self.start),
         }
     }
-}
-
-impl Numbers {
-    /// Steps per unit, the steps of minus the origin, and the bound in steps: see [`planes`](crate::planes). `slopes` are the sizes
-    /// of the components of `direction`, none of them too small.
-    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-    #[inline]
-    fn crossings(
-        &self,
-        slopes: __m128,
-        direction: __m128,
-        distance: f32,
-        per_step: f32,
-        frame: &Frame,
-    ) -> (__m128, __m128, __m128) {
-        let sign = _mm_set1_ps(-0.0);
-        let slopes = _mm_or_ps(slopes, _mm_and_ps(sign, direction));
-        let inverse = _mm_div_ps(_mm_set1_ps(1.0), slopes);
-        let pad = _mm_fmadd_ps(
-            _mm_set1_ps(RELATIVE),
-            self.reaches(frame),
-            _mm_set1_ps(distance),
-        );
-        let pad = _mm_fmadd_ps(_mm_set1_ps(PER_ORIGIN), sizes(self.origin), pad);
-        let pad = _mm_fmadd_ps(pad, sizes(inverse), _mm_set1_ps(per_step));
-        let from = _mm_mul_ps(_mm_xor_ps(self.origin, sign), inverse);
-        (inverse, from, pad)
-    }
-}
-
-#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-#[inline]
-fn rows_for(direction: __m128) -> &'static Rows {
-    &ROWS[(_mm_movemask_ps(direction).cast_unsigned() & 0b111) as usize]
 }
 
 /// What [`NodeRay`] holds, each number in all lanes.

@@ -16,11 +16,12 @@ use kd_simd::{Avx2, min};
 use kd_wide::{Block, WIDTH};
 
 use super::nodes::{NodeRay, Numbers, Prepared, enter};
-use super::triangles::{TriangleRay, candidates};
-use super::{Avx2Ray, opaque};
+use super::opaque;
+use super::triangles::{Lanes, TriangleRay, candidates};
 use crate::collect::{self, Collect};
 use crate::dispatch::NO_HIT;
 use crate::probe::Probe;
+use crate::wide::portable::PortableRay;
 use crate::wide::stack::Stack;
 use crate::wide::subtree::Subtree;
 use crate::wide::walk::walk;
@@ -34,7 +35,7 @@ pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, pro
         Prepared::Miss => NO_HIT,
         Prepared::Unusual => {
             let mut closest = collect::Closest::default();
-            trace_unusual(simd, subtree, ray, &mut closest, probe);
+            trace_unusual(subtree, ray, &mut closest, probe);
             closest.0.unwrap_or(NO_HIT)
         }
         Prepared::Usual(nodes) => {
@@ -67,7 +68,7 @@ pub(super) fn any<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: 
         Prepared::Miss => false,
         Prepared::Unusual => {
             let mut any = collect::Any::default();
-            trace_unusual(simd, subtree, ray, &mut any, probe);
+            trace_unusual(subtree, ray, &mut any, probe);
             any.0
         }
         Prepared::Usual(nodes) => {
@@ -96,7 +97,7 @@ pub(super) fn collect<C: Collect, P: Probe>(
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
         Prepared::Miss => {}
-        Prepared::Unusual => trace_unusual(simd, subtree, ray, collector, probe),
+        Prepared::Unusual => trace_unusual(subtree, ray, collector, probe),
         Prepared::Usual(nodes) => {
             let mut query = Collecting {
                 simd,
@@ -113,13 +114,12 @@ pub(super) fn collect<C: Collect, P: Probe>(
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 fn trace_unusual<C: Collect, P: Probe>(
-    simd: Avx2,
     subtree: Subtree<'_>,
     ray: &Ray,
     collector: &mut C,
     probe: &mut P,
 ) {
-    if let Some(ray) = Avx2Ray::new(simd, ray, subtree.tree().frame()) {
+    if let Some(ray) = PortableRay::new(ray, subtree.tree().frame()) {
         walk(subtree, &ray, collector, probe);
     }
 }
@@ -356,33 +356,31 @@ impl<'a> Query<'a> for Any {
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        self.is_hit = unsafe {
-            candidates::<(Self, P)>(ray, block, self.limit_depth).is_some_and(|candidates| {
-                candidates.sure != 0 || {
-                    probe.decision();
-                    decide_any(self.simd, ray, block, candidates.lanes)
-                }
-            })
-        };
-        if self.is_hit {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+        unsafe { self.visit(ray, block, probe) }
     }
 }
 
-/// Whether some lane of a block is hit.
-#[cold]
-#[inline(never)]
-#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-fn decide_any(simd: Avx2, ray: &TriangleRay, block: &Block, lanes: u32) -> bool {
-    for lane in Lanes(lanes) {
-        if ray.decide(simd, block, lane).is_some() {
-            return true;
+impl Any {
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &Block,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
+            return ControlFlow::Continue(());
+        };
+        if candidates.sure != 0 {
+            self.is_hit = true;
+            return ControlFlow::Break(());
         }
+        let mut any = collect::Any::default();
+        let found = ray.take_each(self.simd, block, candidates.lanes, &mut any, probe);
+        self.is_hit = any.0;
+        found
     }
-    false
 }
 
 /// Every hit that a collector may want.
@@ -430,53 +428,9 @@ impl<C: Collect> Collecting<'_, C> {
         let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
             return ControlFlow::Continue(());
         };
-        take_each(
-            self.simd,
-            ray,
-            block,
-            candidates.lanes,
-            self.collector,
-            probe,
-        )?;
+        ray.take_each(self.simd, block, candidates.lanes, self.collector, probe)?;
         self.limit = min(self.collector.limit(), self.limit);
         self.limit_depth = self.limit * ray.speed;
         ControlFlow::Continue(())
-    }
-}
-
-/// Passes the hits of some lanes of a block to a collector. Breaks if the collector does.
-#[inline(never)]
-#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-fn take_each<C: Collect, P: Probe>(
-    simd: Avx2,
-    ray: &TriangleRay,
-    block: &Block,
-    lanes: u32,
-    collector: &mut C,
-    probe: &mut P,
-) -> ControlFlow<()> {
-    for lane in Lanes(lanes) {
-        probe.decision();
-        if let Some(hit) = ray.decide(simd, block, lane) {
-            collector.take(hit)?;
-        }
-    }
-    ControlFlow::Continue(())
-}
-
-/// The lanes of a set, in order.
-struct Lanes(u32);
-
-impl Iterator for Lanes {
-    type Item = usize;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        if self.0 == 0 {
-            return None;
-        }
-        let lane = self.0.trailing_zeros() as usize % WIDTH;
-        self.0 &= self.0 - 1;
-        Some(lane)
     }
 }

@@ -4,6 +4,7 @@
 //! traversals.
 
 use std::arch::x86_64::*;
+use std::ops::ControlFlow;
 
 use kd_core::Hit;
 use kd_simd::{Avx2, Simd as _, Three, Triple as _};
@@ -11,8 +12,10 @@ use kd_wide::{Block, WIDTH};
 
 use super::nodes::{Numbers, sizes};
 use super::{ROW, read_alone};
+use crate::collect::Collect;
 use crate::decision::View;
 use crate::planes::{Frame, PER_STEP};
+use crate::probe::Probe;
 use crate::triangle::{BLUR, SLOPE};
 
 const U: f32 = f32::EPSILON / 2.0;
@@ -262,6 +265,23 @@ impl Candidates {
     }
 }
 
+/// The lanes of a set, in order.
+pub(super) struct Lanes(pub(super) u32);
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let lane = self.0.trailing_zeros() as usize % WIDTH;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
+
 /// A corner of eight triangles, negated: from the corner to the origin, across and along.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
@@ -337,6 +357,26 @@ impl TriangleRay {
             scale,
         };
         view.hit(corners, [self.t_min, self.t_max], block.triangles[lane])
+    }
+
+    /// Decides some lanes of a block, and passes their hits to a collector. Breaks if the collector does.
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline(never)]
+    pub(super) fn take_each<C: Collect, P: Probe>(
+        &self,
+        simd: Avx2,
+        block: &Block,
+        lanes: u32,
+        collector: &mut C,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        for lane in Lanes(lanes) {
+            probe.decision();
+            if let Some(hit) = self.decide(simd, block, lane) {
+                collector.take(hit)?;
+            }
+        }
+        ControlFlow::Continue(())
     }
 
     /// The hit of a triangle that is [surely hit](candidates).
