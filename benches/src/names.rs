@@ -19,11 +19,11 @@ pub(crate) enum StructureName {
     Octree,
     /// A comparator: the BSP tree of planes of triangles
     Bsp,
-    /// Embree 3, one ray at a time
+    /// Embree, one ray at a time
     Embree,
-    /// Embree 3, packets of 8 rays
+    /// Embree, packets of 8 rays
     Embree8,
-    /// Embree 3 with its robust flag, one ray at a time
+    /// Embree with its robust flag, one ray at a time
     EmbreeRobust,
     /// The crate obvhs
     Obvhs,

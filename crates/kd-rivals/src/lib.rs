@@ -23,7 +23,8 @@
 //!
 //! # Features
 //!
-//! `embree` opens Embree 3, a system library, at its first use; `crates` compiles the rivals written in Rust. Without its feature
+//! `embree` opens Embree 3 or 4, a system library, at its first use: the file that the environment variable `KD_EMBREE` names, or
+//! else version 3 if it is installed, or else version 4. `crates` compiles the rivals written in Rust. Without its feature
 //! a rival is an error, [`RivalError::NotCompiled`].
 //!
 //! # Answers
@@ -48,10 +49,13 @@ use missing::embree;
 pub use error::RivalError;
 pub use queries::{FIRST, Queries, Restarting};
 
+/// The environment variable that names the file of Embree.
+pub const EMBREE_VARIABLE: &str = "KD_EMBREE";
+
 /// A library, and how it builds.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Rival {
-    /// Embree 3
+    /// Embree 3 or 4: see [`embree_name`]
     Embree(EmbreeBuild, Purpose),
     /// The crate `obvhs`
     Obvhs(ObvhsBuild),
@@ -200,6 +204,15 @@ impl Following {
     }
 }
 
+/// The name of Embree with the version that is in use, such as `Embree 3.13.5`.
+///
+/// # Errors
+///
+/// If Embree is not compiled in or not installed.
+pub fn embree_name() -> Result<String, RivalError> {
+    embree::name()
+}
+
 /// Checks that all rivals can be built.
 ///
 /// # Errors
@@ -207,5 +220,5 @@ impl Following {
 /// If rivals are not compiled in, or Embree is not installed. The error says how to install it.
 pub fn check_available() -> Result<(), RivalError> {
     crates::check()?;
-    embree::check()
+    embree::name().map(|_| ())
 }

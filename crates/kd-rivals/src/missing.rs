@@ -33,7 +33,7 @@ pub(crate) mod embree {
 
     const MISSING: RivalError = RivalError::NotCompiled("embree");
 
-    pub(crate) fn check() -> Result<(), RivalError> {
+    pub(crate) fn name() -> Result<String, RivalError> {
         Err(MISSING)
     }
 
