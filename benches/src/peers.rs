@@ -22,6 +22,15 @@ pub(crate) fn check_available() -> anyhow::Result<()> {
     }
 }
 
+/// The name of Embree with its version if one of these structures is Embree's; empty otherwise.
+pub(crate) fn library_of(names: &[&str]) -> String {
+    if names.iter().any(|name| name.starts_with("embree")) {
+        kd_rivals::embree_name().unwrap_or_default()
+    } else {
+        String::new()
+    }
+}
+
 /// Builds a rival's structure over a mesh.
 pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
     let embree = match variant.builder {
