@@ -3,6 +3,7 @@
 use kd::{Hit, Mesh, Ray};
 use kd_rivals::{
     Bytes, EmbreeBuild, Following, ObvhsBuild, Options, Purpose, Queries, Rival, RivalError,
+    TinybvhBuild,
 };
 
 use crate::arguments::UsageError;
@@ -46,6 +47,10 @@ pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Re
         }),
         StructureName::Bvh => Rival::Bvh,
         StructureName::Parry3d => Rival::Parry3d,
+        StructureName::Tinybvh => Rival::Tinybvh(match variant.builder {
+            BuilderName::High => TinybvhBuild::High,
+            _ => TinybvhBuild::Medium,
+        }),
         StructureName::EmbreeRobust => Rival::Embree(embree, Purpose::Robust),
         _ => Rival::Embree(embree, Purpose::Usual),
     };

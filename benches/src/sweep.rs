@@ -36,7 +36,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     scene: Vec<String>,
 
-    /// Structures to build [default: kd; all with --peers; all of ours with --smoke]
+    /// Structures to build [default: kd; all but tinybvh with --peers; all of ours with --smoke]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     structure: Vec<StructureName>,
 
@@ -72,7 +72,7 @@ pub(crate) struct BenchArgs {
     check: usize,
 
     /// Also measure rival libraries; the baseline is then Embree's medium build instead of our balanced one. Embree is the
-    /// library file that KD_EMBREE names, or else Embree 3 if it is installed, or else Embree 4
+    /// library file that `KD_EMBREE` names, or else Embree 3 if it is installed, or else Embree 4
     #[arg(long)]
     peers: bool,
 

@@ -24,8 +24,9 @@
 //! # Features
 //!
 //! `embree` opens Embree 3 or 4, a system library, at its first use: the file that the environment variable `KD_EMBREE` names, or
-//! else version 3 if it is installed, or else version 4. `crates` compiles the rivals written in Rust. Without its feature
-//! a rival is an error, [`RivalError::NotCompiled`].
+//! else version 3 if it is installed, or else version 4. `crates` compiles the rivals written in Rust. `tinybvh` contains `crates`
+//! and compiles the C++ library of that name, which needs a C++20 compiler. Without its feature a rival is an error,
+//! [`RivalError::NotCompiled`].
 //!
 //! # Answers
 //!
@@ -36,15 +37,19 @@ mod crates;
 #[cfg(feature = "embree")]
 mod embree;
 mod error;
-#[cfg(not(all(feature = "crates", feature = "embree")))]
+#[cfg(not(all(feature = "crates", feature = "embree", feature = "tinybvh")))]
 mod missing;
 mod queries;
 
+#[cfg(feature = "tinybvh")]
+use crates::tinybvh;
 use kd_core::Mesh;
 #[cfg(not(feature = "crates"))]
 use missing::crates;
 #[cfg(not(feature = "embree"))]
 use missing::embree;
+#[cfg(not(feature = "tinybvh"))]
+use missing::tinybvh;
 
 pub use error::RivalError;
 pub use queries::{FIRST, Queries, Restarting};
@@ -63,6 +68,8 @@ pub enum Rival {
     Bvh,
     /// The crate `parry3d`
     Parry3d,
+    /// The C++ library tinybvh
+    Tinybvh(TinybvhBuild),
 }
 
 /// Embree's quality of a build.
@@ -96,6 +103,15 @@ pub enum ObvhsBuild {
     Medium,
     /// The slow build: a compressed wide BVH
     Slow,
+}
+
+/// A build of tinybvh.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum TinybvhBuild {
+    /// Binned surface area heuristic
+    Medium,
+    /// The same with spatial splits
+    High,
 }
 
 /// How Embree follows a mesh that moves beside a static one.
@@ -176,6 +192,7 @@ impl Rival {
             Self::Obvhs(build) => crates::obvhs(build, mesh, options),
             Self::Bvh => crates::bvh(mesh, options),
             Self::Parry3d => crates::parry3d(mesh, options),
+            Self::Tinybvh(build) => tinybvh::build(build, mesh, options),
         }
     }
 }
@@ -213,7 +230,7 @@ pub fn embree_name() -> Result<String, RivalError> {
     embree::name()
 }
 
-/// Checks that all rivals can be built.
+/// Checks that all rivals can be built but tinybvh, which few programs contain.
 ///
 /// # Errors
 ///

@@ -1,19 +1,15 @@
 //! Every rival answers like brute force, within the tolerance of its own triangle test.
 #![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
-use std::env;
-use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
-use std::process::Command;
-
 use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_oracle::scenes;
 use kd_rivals::{
-    EMBREE_VARIABLE, EmbreeBuild, FIRST, Following, ObvhsBuild, Options, Purpose, Queries, Rival,
-    RivalError,
+    EmbreeBuild, FIRST, Following, ObvhsBuild, Options, Purpose, Queries, Rival, RivalError,
+    TinybvhBuild,
 };
 use kd_trace::brute_force;
 
-const RIVALS: [Rival; 10] = [
+const RIVALS: [Rival; 12] = [
     Rival::Embree(EmbreeBuild::Low, Purpose::Usual),
     Rival::Embree(EmbreeBuild::Medium, Purpose::Usual),
     Rival::Embree(EmbreeBuild::High, Purpose::Usual),
@@ -24,12 +20,15 @@ const RIVALS: [Rival; 10] = [
     Rival::Obvhs(ObvhsBuild::Slow),
     Rival::Bvh,
     Rival::Parry3d,
+    Rival::Tinybvh(TinybvhBuild::Medium),
+    Rival::Tinybvh(TinybvhBuild::High),
 ];
 
 /// The feature that contains a rival, and whether it is on.
 fn feature_of(rival: Rival) -> (&'static str, bool) {
     match rival {
         Rival::Embree(..) => ("embree", cfg!(feature = "embree")),
+        Rival::Tinybvh(..) => ("tinybvh", cfg!(feature = "tinybvh")),
         _ => ("crates", cfg!(feature = "crates")),
     }
 }
@@ -197,6 +196,9 @@ fn embree_is_named_with_its_version() {
 #[cfg(feature = "embree")]
 #[test]
 fn the_other_version_of_embree_passes() {
+    use std::env;
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+
     const PASS: [&str; 3] = [
         "every_query_of_every_rival_is_close_to_brute_force",
         "embree_follows_a_moving_mesh",
@@ -209,10 +211,10 @@ fn the_other_version_of_embree_passes() {
             continue;
         }
         let library = format!("{DLL_PREFIX}embree{major}{DLL_SUFFIX}.{major}");
-        let output = Command::new(&program)
+        let output = std::process::Command::new(&program)
             .args(PASS)
             .args(["--exact", "--nocapture"])
-            .env(EMBREE_VARIABLE, &library)
+            .env(kd_rivals::EMBREE_VARIABLE, &library)
             .output()
             .expect("it starts");
         let printed = String::from_utf8_lossy(&output.stderr);
