@@ -169,6 +169,8 @@ fn rivals_run_on_the_same_rays_and_agree() {
     }
     let baselines = records.matches("\"baseline\":\"embree/medium/own\"");
     assert_eq!(baselines.count(), records.lines().count(), "{records}");
+    let versions = records.matches("\"library\":\"Embree ");
+    assert_eq!(versions.count(), records.lines().count(), "{records}");
 }
 
 /// Every command that measures, on tiny scenes, with texts that it prints and one in its rows; those of rivals where Embree is

@@ -1,9 +1,12 @@
 //! The C++ library tinybvh, by the crate `tinybvh-rs`, which compiles it for the machine's own processor.
 //!
 //! In a program that is compiled for AVX2, rays go through nodes of eight children with blocks of four triangles, the library's
-//! fastest form for single rays; in others through binary nodes, since the crate offers the wide ones only there. The crate passes
-//! on neither the library's query for any hit, so that it is a closest hit here, nor its tuning of leaves for wide nodes, nor its
-//! bytes. From 50 000 triangles on the library builds on all processors, whatever the options say.
+//! fastest form for single rays; in others through binary nodes, since the crate offers the wide ones only there. So tests cover the
+//! wide nodes only with `RUSTFLAGS=-Ctarget-cpu=native` on a processor with AVX2.
+//!
+//! The crate passes on neither the library's query for any hit, so that it is a closest hit here, nor its tuning of leaves for wide
+//! nodes, nor its bytes. From 50 000 triangles on the library builds on all processors, whatever the options say, unless
+//! `NO_THREADED_BUILDS` is defined where it is compiled (`CXXFLAGS`).
 #![allow(
     unsafe_code,
     reason = "the crate declares nothing about threads, and its binary nodes borrow the triangles"
@@ -118,7 +121,7 @@ fn ray_of(ray: &Ray) -> (Room, f32) {
     (room, length)
 }
 
-/// As the library inverts a direction: no infinite number, which times 0 is none.
+/// As the library inverts a direction: it multiplies the result by coordinates, and infinity times 0 would be NaN.
 #[inline]
 fn inverse(x: f32) -> f32 {
     if x.abs() > 1e-12 {
