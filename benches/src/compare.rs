@@ -82,7 +82,15 @@ impl Comparison {
             &old.timed.trace_ns_per_ray,
             &new.timed.trace_ns_per_ray,
         );
-        self.times.push(format!("{cell}: {build}, {trace}"));
+        let mut line = format!("{cell}: {build}, {trace}");
+        if old.library != new.library {
+            let named = |record: &Record| match &*record.library {
+                "" => "no library named".to_owned(),
+                name => name.to_owned(),
+            };
+            line = format!("{line}, {} -> {}", named(old), named(new));
+        }
+        self.times.push(line);
         Ok(())
     }
 }
@@ -175,7 +183,14 @@ mod tests {
         before.exact.disagreement_ppm = Some(0.0);
         let mut after = before.clone();
         after.exact.bytes_total += 1;
-        assert_eq!(changes(&[before], &[after]), [""; 0], "it is not ours");
+        after.library = "Embree 4.4.0".into();
+        let comparison = Comparison::new(&[before], &[after]).expect("one cell each");
+        assert_eq!(comparison.changes, [""; 0], "it is not ours");
+        let times = &comparison.times[0];
+        assert!(
+            times.ends_with(", no library named -> Embree 4.4.0"),
+            "{times}"
+        );
     }
 
     #[test]

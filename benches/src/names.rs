@@ -19,16 +19,18 @@ pub(crate) enum StructureName {
     Octree,
     /// A comparator: the BSP tree of planes of triangles
     Bsp,
-    /// Embree 3, one ray at a time
+    /// Embree, one ray at a time
     Embree,
-    /// Embree 3, packets of 8 rays
+    /// Embree, packets of 8 rays
     Embree8,
-    /// Embree 3 with its robust flag, one ray at a time
+    /// Embree with its robust flag, one ray at a time
     EmbreeRobust,
     /// The crate obvhs
     Obvhs,
     /// The crate parry3d
     Parry3d,
+    /// The C++ library tinybvh; only if it is named
+    Tinybvh,
 }
 
 impl StructureName {
@@ -56,6 +58,7 @@ impl StructureName {
             Self::EmbreeRobust => &[B::Low, B::Medium],
             Self::Obvhs => &[B::Fastest, B::Medium, B::Slow],
             Self::Parry3d => &[B::Default],
+            Self::Tinybvh => &[B::Medium, B::High],
         };
         builders.to_vec()
     }
@@ -72,7 +75,10 @@ impl StructureName {
 
     /// Whether a rival of this name is compiled with this program, so that compiler flags matter.
     pub(crate) const fn is_rust_rival(self) -> bool {
-        matches!(self, Self::Obvhs | Self::Bvh | Self::Parry3d)
+        matches!(
+            self,
+            Self::Obvhs | Self::Bvh | Self::Parry3d | Self::Tinybvh
+        )
     }
 }
 
@@ -114,9 +120,9 @@ pub(crate) enum BuilderName {
     Polygon,
     /// Embree's fastest build
     Low,
-    /// Embree's default build; the medium build of obvhs, a wide BVH
+    /// Embree's default build; the medium build of obvhs, a wide BVH; the build of tinybvh by bins
     Medium,
-    /// Embree's build with spatial splits
+    /// Embree's build with spatial splits, and that of tinybvh
     High,
     /// The fastest build of obvhs, a binary BVH
     Fastest,

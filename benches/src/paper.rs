@@ -58,7 +58,7 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "FILE", requires = "rendered")]
     picture: Option<PathBuf>,
 
-    /// Also measure Embree's ways to follow moving parts
+    /// Also measure Embree's ways to follow moving parts; `KD_EMBREE` may name the file of the library
     #[arg(long)]
     peers: bool,
 

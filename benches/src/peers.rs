@@ -3,6 +3,7 @@
 use kd::{Hit, Mesh, Ray};
 use kd_rivals::{
     Bytes, EmbreeBuild, Following, ObvhsBuild, Options, Purpose, Queries, Rival, RivalError,
+    TinybvhBuild,
 };
 
 use crate::arguments::UsageError;
@@ -22,6 +23,15 @@ pub(crate) fn check_available() -> anyhow::Result<()> {
     }
 }
 
+/// The name of Embree with its version if one of these structures is Embree's; empty otherwise.
+pub(crate) fn library_of(names: &[&str]) -> String {
+    if names.iter().any(|name| name.starts_with("embree")) {
+        kd_rivals::embree_name().unwrap_or_default()
+    } else {
+        String::new()
+    }
+}
+
 /// Builds a rival's structure over a mesh.
 pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Result<Built> {
     let embree = match variant.builder {
@@ -37,6 +47,10 @@ pub(crate) fn build(variant: Variant, mesh: &Mesh, threads: usize) -> anyhow::Re
         }),
         StructureName::Bvh => Rival::Bvh,
         StructureName::Parry3d => Rival::Parry3d,
+        StructureName::Tinybvh => Rival::Tinybvh(match variant.builder {
+            BuilderName::High => TinybvhBuild::High,
+            _ => TinybvhBuild::Medium,
+        }),
         StructureName::EmbreeRobust => Rival::Embree(embree, Purpose::Robust),
         _ => Rival::Embree(embree, Purpose::Usual),
     };

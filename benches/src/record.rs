@@ -35,6 +35,10 @@ pub(crate) struct Record {
     pub(crate) rays: String,
     /// Structure, builder and layout that run before every timed repeat; also their threads if they differ.
     pub(crate) baseline: String,
+    /// The name and version of Embree if it is the structure or the baseline. Records without it are of Embree 3.13. (The versions
+    /// of other rivals are in the lock file of `rev`.)
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub(crate) library: String,
     pub(crate) exact: Exact,
     pub(crate) timed: Timed,
 }
@@ -269,6 +273,12 @@ pub(crate) fn distinct<'a>(values: impl IntoIterator<Item = &'a str>) -> Vec<&'a
     seen
 }
 
+/// The library of the cells that have one: a run opens only one.
+pub(crate) fn library<'a>(cells: impl IntoIterator<Item = &'a Record>) -> Option<&'a str> {
+    let mut libraries = cells.into_iter().map(|cell| cell.library.as_str());
+    libraries.find(|library| !library.is_empty())
+}
+
 /// One row of a table: a scene and a variant with its cells by kind of ray.
 #[derive(Debug)]
 pub(crate) struct Row<'a> {
@@ -335,6 +345,7 @@ pub(crate) fn example() -> Record {
         layout: "binary".into(),
         rays: "primary".into(),
         baseline: "kd/balanced/binary".into(),
+        library: String::new(),
         exact: Exact {
             nodes: 101,
             leaves: 51,
@@ -374,9 +385,13 @@ mod tests {
         let mut any_hit = example();
         any_hit.rays = "ao".into();
         any_hit.exact.steps = None;
-        let records = [example(), any_hit];
+        let mut over_embree = example();
+        over_embree.library = "Embree 4.4.0".into();
+        let records = [example(), any_hit, over_embree];
         let text = json_lines(&records).expect("plain data");
-        assert_eq!(text.lines().count(), 2, "one line each");
+        assert_eq!(text.lines().count(), 3, "one line each");
+        assert_eq!(library(&records), Some("Embree 4.4.0"), "of one cell");
+        assert_eq!(library(&records[..2]), None, "ours alone");
         assert!(
             !text.lines().nth(1).expect("two").contains("steps"),
             "not counted, not written"

@@ -114,6 +114,7 @@ fn environment(record: &Record) -> Markup {
             div { dt { "threads" } dd { (record.threads) } }
             div { dt { "repeats" } dd { (record.timed.trace_ns_per_ray.len()) } }
             div { dt { "baseline" } dd { (record.baseline) } }
+            @if !record.library.is_empty() { div { dt { "library" } dd { (record.library) } } }
         }
     }
 }

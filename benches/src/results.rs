@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::iter;
 
 use anyhow::{Context as _, bail, ensure};
 use clap::Args;
@@ -166,6 +167,7 @@ impl Section {
         let values = self.values()?;
         let (title, note, command, file) = (&self.title, &self.note, &self.command, &self.file);
         let date = self.date()?;
+        self.check_library(&values)?;
         writeln!(
             text,
             "\n## {title}\n\n{note}\n(`{command}`, {date}, [the record](../benches/records/{file}))"
@@ -173,6 +175,20 @@ impl Section {
         for table in &self.table {
             *text += "\n";
             *text += &table.markdown(table.lines(&values)?)?;
+        }
+        Ok(())
+    }
+}
+
+impl Section {
+    /// A library of which a record says the version must be in the note or over a column with that version.
+    fn check_library(&self, values: &[Value]) -> anyhow::Result<()> {
+        let names = self.table.iter().flat_map(|table| &table.names);
+        let texts: Vec<&String> = iter::once(&self.note).chain(names).collect();
+        for library in values.iter().filter_map(|line| line["library"].as_str()) {
+            let without_patch = library.rsplit_once('.').map_or(library, |parts| parts.0);
+            let is_named = texts.iter().any(|text| text.contains(without_patch));
+            ensure!(is_named, "the record is of {library}, which no text names");
         }
         Ok(())
     }
@@ -361,6 +377,32 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn a_text_names_the_version_of_the_library() {
+        let section = |note: &str| Section {
+            title: String::new(),
+            file: String::new(),
+            command: String::new(),
+            note: note.into(),
+            table: Vec::new(),
+        };
+        let lines = [json!({"library": "Embree 4.4.0"}), json!({"row": "a"})];
+        assert!(
+            section("The rival is Embree 4.4.")
+                .check_library(&lines)
+                .is_ok()
+        );
+        assert!(
+            section("The rival is Embree 3.13.")
+                .check_library(&lines)
+                .is_err()
+        );
+        assert!(
+            section("").check_library(&lines[1..]).is_ok(),
+            "it has none"
+        );
+    }
 
     #[test]
     fn lines_become_rows_and_missing_values_dashes() {

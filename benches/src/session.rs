@@ -10,6 +10,7 @@ use crate::check::{Answers, as_source};
 use crate::environment::Environment;
 use crate::measure::{Pairs, Repeats, timed_in_pairs};
 use crate::names::Variant;
+use crate::peers;
 use crate::rays::RayKind;
 use crate::record::{self, Exact, Record, Timed};
 use crate::structure::Manner;
@@ -71,6 +72,7 @@ impl<'a> Session<'a> {
             layout: next(),
             rays: rays.to_owned(),
             baseline: over.to_owned(),
+            library: peers::library_of(&[subject, over]),
             exact: Exact::default(),
             timed: Timed::default(),
         }

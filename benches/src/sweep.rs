@@ -36,7 +36,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     scene: Vec<String>,
 
-    /// Structures to build [default: kd; all with --peers; all of ours with --smoke]
+    /// Structures to build [default: kd; all but tinybvh with --peers; all of ours with --smoke]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     structure: Vec<StructureName>,
 
@@ -71,7 +71,8 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 16)]
     check: usize,
 
-    /// Also measure rival libraries; the baseline is then Embree's medium build instead of our balanced one
+    /// Also measure rival libraries; the baseline is then Embree's medium build instead of our balanced one. Embree is the
+    /// library file that `KD_EMBREE` names, or else Embree 3 if it is installed, or else Embree 4
     #[arg(long)]
     peers: bool,
 

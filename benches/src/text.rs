@@ -2,7 +2,7 @@
 
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
 
-use crate::record::Record;
+use crate::record::{self, Record};
 use crate::summary::{self, Figure};
 
 /// A line below the head; an empty row between scenes.
@@ -11,7 +11,7 @@ const STYLE: TableStyle =
 
 /// The tables of a run of `bench`: a row for each scene and variant, times with their speed over the baseline.
 pub(crate) fn summary(records: &[Record]) -> String {
-    let mut text = String::new();
+    let mut text = record::library(records).map_or_else(String::new, |name| format!("{name}\n"));
     for section in summary::sections(records) {
         let head = ["scene", "variant"].into_iter().map(String::from);
         let mut table = empty_table(head.chain(section.head));

@@ -295,6 +295,7 @@ impl View {
             Row::new(&line.name, line.goal, values.collect(), line.of_scenes)
         };
         Table {
+            library: record::library(cells).unwrap_or_default().to_owned(),
             scenes: scenes.into_iter().map(String::from).collect(),
             rows: self.0.iter().map(row).collect(),
         }
@@ -328,6 +329,8 @@ pub(crate) struct Row {
 /// Rows over the same scenes.
 #[derive(Debug)]
 pub(crate) struct Table {
+    /// The library that a part of the cells are of, with its version; empty without one.
+    pub(crate) library: String,
     pub(crate) scenes: Vec<String>,
     pub(crate) rows: Vec<Row>,
 }
@@ -425,7 +428,7 @@ impl Table {
                 Goal::AtLeast(goal) => (Some("at least"), Some(goal)),
                 Goal::None => (None, None),
             };
-            json!({
+            let mut line = json!({
                 "row": row.name,
                 "value": row.value,
                 "goal": goal,
@@ -433,7 +436,11 @@ impl Table {
                 "met": row.is_met(),
                 "worst": row.worst(&self.scenes).map(|(scene, value)| json!({ "scene": scene, "value": value })),
                 "scenes": by_scene.collect::<BTreeMap<String, Option<f64>>>(),
-            })
+            });
+            if !self.library.is_empty() {
+                line["library"] = self.library.as_str().into();
+            }
+            line
         }))
     }
 
@@ -447,7 +454,7 @@ impl Table {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let titles = ["", "all", "goal", "met", "worst"].into_iter();
+        let titles = [&*self.library, "all", "goal", "met", "worst"].into_iter();
         let mut table = text::empty_table(titles.chain(self.scenes.iter().map(String::as_str)));
         for row in &self.rows {
             table.add_row(row.cells(&self.scenes));
@@ -525,6 +532,7 @@ mod tests {
         let row =
             |goal, values: [Option<f64>; 2], of_all| Row::new("speed", goal, values.into(), of_all);
         Table {
+            library: "Embree 4.4.0".into(),
             scenes: vec!["a".into(), "b".into()],
             rows: vec![
                 row(Goal::AtLeast(1.5), [Some(1.0), Some(4.0)], geometric_mean),
@@ -561,6 +569,7 @@ mod tests {
     fn unknown_values_are_dashes_and_null() {
         let table = table();
         let text = table.to_string();
+        assert!(text.contains("Embree 4.4.0"), "in the head\n{text}");
         let words = |row: usize| {
             let line = text
                 .lines()

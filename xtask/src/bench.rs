@@ -7,7 +7,10 @@ use crate::{Outcome, cargo, workspace_root};
 
 /// Rivals written in Rust are faster in a build for this processor, which their users can choose, so they are measured in both
 /// builds.
-const RUST_RIVALS: [&str; 3] = ["obvhs", "bvh", "parry3d"];
+const RUST_RIVALS: [&str; 4] = ["obvhs", "bvh", "parry3d", TINYBVH];
+
+/// The rival that needs a C++ compiler: compiled in only if it is named.
+const TINYBVH: &str = "tinybvh";
 
 /// Runs `kd-bench SUBCOMMAND ARGUMENTS` in the user's folder, so that relative paths stay valid, and passes its exit code on.
 /// With `--peers`, rival libraries are compiled in.
@@ -23,7 +26,7 @@ pub(crate) fn run(subcommand: &str, arguments: &[String]) -> Outcome {
 pub(crate) fn run_with_native_build(subcommand: &str, arguments: &[String]) -> Outcome {
     let mut arguments = arguments.to_vec();
     if needs_native_build(&arguments) {
-        let program = native_build()?;
+        let program = native_build(features(&arguments))?;
         arguments.extend(["--native-build".into(), program.display().to_string()]);
     }
     run(subcommand, &arguments)
@@ -31,7 +34,7 @@ pub(crate) fn run_with_native_build(subcommand: &str, arguments: &[String]) -> O
 
 /// Runs a build with rival libraries.
 pub(crate) fn with_rivals(subcommand: &str, arguments: &[String]) -> Outcome {
-    start(subcommand, &["--features", "peers"], arguments)
+    start(subcommand, &["--features", features(arguments)], arguments)
 }
 
 fn start(subcommand: &str, flags: &[&str], arguments: &[String]) -> Outcome {
@@ -69,6 +72,21 @@ fn needs_native_build(arguments: &[String]) -> bool {
     if !has(&["--peers"]) || has(&["--help", "-h", "--native-build", "--smoke"]) {
         return false;
     }
+    let names = structures(arguments);
+    names.is_empty() || names.iter().any(|name| RUST_RIVALS.contains(name))
+}
+
+/// The features of a build with rivals.
+fn features(arguments: &[String]) -> &'static str {
+    if structures(arguments).contains(&TINYBVH) {
+        "tinybvh"
+    } else {
+        "peers"
+    }
+}
+
+/// The names after `--structure`.
+fn structures(arguments: &[String]) -> Vec<&str> {
     let mut lists = Vec::new();
     for (place, argument) in arguments.iter().enumerate() {
         if let Some(list) = argument.strip_prefix("--structure=") {
@@ -77,17 +95,16 @@ fn needs_native_build(arguments: &[String]) -> bool {
             lists.extend(arguments.get(place + 1).map(String::as_str));
         }
     }
-    let mut names = lists.iter().flat_map(|list| list.split(','));
-    lists.is_empty() || names.any(|name| RUST_RIVALS.contains(&name))
+    lists.iter().flat_map(|list| list.split(',')).collect()
 }
 
 /// Builds `kd-bench` with rivals for this processor, in a separate folder so that the default build stays, and returns its
 /// path.
-fn native_build() -> Result<PathBuf, String> {
+fn native_build(features: &str) -> Result<PathBuf, String> {
     let folder = workspace_root().join("target").join("native");
     let status = cargo()
         .args(["build", "--release", "--package", "kd-bench"])
-        .args(["--features", "peers", "--manifest-path"])
+        .args(["--features", features, "--manifest-path"])
         .arg(workspace_root().join("Cargo.toml"))
         .arg("--target-dir")
         .arg(&folder)
@@ -110,6 +127,17 @@ mod tests {
     fn needs_second_build(arguments: &str) -> bool {
         let arguments: Vec<String> = arguments.split(' ').map(String::from).collect();
         needs_native_build(&arguments)
+    }
+
+    #[test]
+    fn a_rival_that_needs_a_cpp_compiler_is_compiled_only_if_named() {
+        let features = |call: &str| {
+            let call: Vec<String> = call.split(' ').map(String::from).collect();
+            features(&call)
+        };
+        assert_eq!(features("--peers"), "peers");
+        assert_eq!(features("--peers --structure kd,tinybvh"), "tinybvh");
+        assert!(needs_second_build("--peers --structure=tinybvh"));
     }
 
     #[test]

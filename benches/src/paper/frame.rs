@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context as _, ensure};
 use serde_json::{Map, Value};
 
-use crate::record::Record;
+use crate::record::{self, Record};
 use crate::{text, view};
 
 /// The paper's Table 4.1: frame, and milliseconds of the copy of the static tree, the dynamic tree, the merge, the rays; of the
@@ -39,6 +39,13 @@ impl Frame {
     /// The value of an expression of cells.
     pub(super) fn value(&self, expression: &str) -> anyhow::Result<f64> {
         view::value(&self.cells, expression).with_context(|| self.label.clone())
+    }
+
+    /// Adds the name of the library whose rays it measures, if any, to a line of its record.
+    pub(super) fn add_library(&self, line: &mut Map<String, Value>) {
+        if let Some(library) = record::library(&self.cells) {
+            line.insert("library".into(), library.into());
+        }
     }
 
     /// The fields of a list of `frames.toml` that have cells, after replacements of words.

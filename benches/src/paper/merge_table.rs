@@ -10,7 +10,7 @@ use kd::grid::{GridOptions, UniformGrid};
 use kd::select::Structure as Kind;
 use kd::{Accel, BuildOptions, KdTree, LazyTree, MergeMethod, Mesh, PartId, Scene, Strategy};
 use kd_trace::WideTree;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::PaperArgs;
 use super::frame::{self, Frame};
@@ -443,7 +443,7 @@ impl Frame {
                 "rebuild_ms": ms[4], "rebuild_trace_ms": ms[5],
             })
         });
-        let line = |(way, _): (&str, Strategy)| -> anyhow::Result<Value> {
+        let line = |(way, _): (&str, Strategy)| -> anyhow::Result<Map<String, Value>> {
             let its = if builds_objects(way) {
                 "medium"
             } else {
@@ -453,9 +453,16 @@ impl Frame {
             ours.insert("scene".into(), self.scene.as_str().into());
             ours.insert("frame".into(), self.number.into());
             ours.insert("strategy".into(), way.into());
-            Ok(json!({ "table": "merge-table", "row": self.label, "seed": seed, "ours": ours }))
+            let mut line = Map::from_iter([
+                ("table".into(), "merge-table".into()),
+                ("row".into(), self.label.as_str().into()),
+                ("seed".into(), seed.clone()),
+                ("ours".into(), ours.into()),
+            ]);
+            self.add_library(&mut line);
+            Ok(line)
         };
-        let lines: anyhow::Result<Vec<Value>> = WAYS.into_iter().map(line).collect();
+        let lines: anyhow::Result<Vec<Map<String, Value>>> = WAYS.into_iter().map(line).collect();
         json_lines(lines?)
     }
 }

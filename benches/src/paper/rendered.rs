@@ -395,6 +395,7 @@ impl Frame {
             ),
             ("seed".into(), seed),
         ]);
+        self.add_library(&mut line);
         Ok(line.into())
     }
 }

@@ -43,7 +43,9 @@ fn structures(arguments: &BenchArgs) -> Result<Vec<StructureName>, UsageError> {
         ([], false) if !arguments.smoke => vec![StructureName::Kd],
         ([], peers) => {
             let all = StructureName::value_variants().iter().copied();
-            all.filter(|structure| peers || !structure.is_rival())
+            // Few programs contain tinybvh.
+            all.filter(|structure| *structure != StructureName::Tinybvh)
+                .filter(|structure| peers || !structure.is_rival())
                 .collect()
         }
         (chosen, _) => chosen.to_vec(),
@@ -156,6 +158,10 @@ mod tests {
         ] {
             assert!(all.contains(part), "{part} in {all}");
         }
+        assert!(!all.contains("tinybvh"), "not named: {all}");
+        let named = chosen(&["--peers", "--structure", "tinybvh"]);
+        let expected = "tinybvh/medium/own tinybvh/high/own";
+        assert_eq!(named.as_deref(), Ok(expected), "all of its builds");
         let some = [
             "--peers",
             "--structure",

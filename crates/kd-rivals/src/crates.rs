@@ -3,10 +3,13 @@
 mod bvh;
 mod obvhs;
 mod parry3d;
+#[cfg(feature = "tinybvh")]
+pub(crate) mod tinybvh;
 
 use std::fmt::Display;
 use std::time::Instant;
 
+use glam::Vec3;
 use kd_core::{Hit, Ray, RayPacket8};
 use kd_trace::RayQuery;
 use rayon::ThreadPoolBuilder;
@@ -96,6 +99,18 @@ fn build<T: Trace + 'static, E: Display + Send>(
 
 fn failed(why: impl Display) -> RivalError {
     RivalError::Failed(why.to_string())
+}
+
+/// A direction at unit length, and its length, which is exactly 1 where it was one up to rounding.
+#[inline]
+fn unit(direction: Vec3) -> (Vec3, f32) {
+    let squared = direction.length_squared();
+    let length = if (squared - 1.0).abs() < 1e-5 {
+        1.0
+    } else {
+        squared.sqrt()
+    };
+    (direction / length, length)
 }
 
 /// A hit of a library that returns no position in the triangle.

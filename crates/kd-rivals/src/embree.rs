@@ -1,4 +1,4 @@
-//! Embree: one ray at a time, in packets of eight, and for several hits of a ray.
+//! Embree 3 or 4: one ray at a time, in packets of eight, and for several hits of a ray.
 
 mod api;
 
@@ -11,11 +11,13 @@ use kd_trace::RayQuery;
 use crate::queries::restarted_hits;
 use crate::{Built, Bytes, EmbreeBuild, FIRST, Following, Moving, Purpose, Queries, RivalError};
 use api::{
-    FirstHits, Hit1, Input, NOTHING, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8, Scene,
-    SceneFlags,
+    Embree, Hit1, Input, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8, Scene, SceneFlags, Version,
 };
 
-pub(crate) use api::check_installed as check;
+/// The name of the library with its version.
+pub(crate) fn name() -> Result<String, RivalError> {
+    Ok(api::library()?.name())
+}
 
 /// The clock covers the commit of the scene, with the mesh in Embree's own buffers.
 pub(crate) fn build(
@@ -34,7 +36,19 @@ pub(crate) fn build(
         Purpose::Robust => SceneFlags::Robust,
         Purpose::FirstHits => SceneFlags::Filtered,
     };
-    let input = Input::new(mesh, [quality; 2], flags, threads)?;
+    match api::library()? {
+        Embree::V3(functions) => {
+            let input = Input::new(functions, mesh, [quality; 2], flags, threads)?;
+            committed(input, purpose)
+        }
+        Embree::V4(functions) => {
+            let input = Input::new(functions, mesh, [quality; 2], flags, threads)?;
+            committed(input, purpose)
+        }
+    }
+}
+
+fn committed<V: Version>(input: Input<V>, purpose: Purpose) -> Result<Built, RivalError> {
     let start = Instant::now();
     let scene = input.commit()?;
     let seconds = start.elapsed().as_secs_f64();
@@ -64,11 +78,20 @@ pub(crate) fn follow(
         Following::RebuildMoving => (Quality::Low, SceneFlags::Dynamic, Quality::Medium),
         Following::Refit => (Quality::Low, SceneFlags::Dynamic, Quality::Refit),
     };
-    let input = Input::new(fixed, [scene, Quality::Medium], flags, 1)?;
-    Ok(Box::new(input.add(moving, quality)?))
+    let qualities = [scene, Quality::Medium];
+    Ok(match api::library()? {
+        Embree::V3(functions) => {
+            let input = Input::new(functions, fixed, qualities, flags, 1)?;
+            Box::new(input.add(moving, quality)?)
+        }
+        Embree::V4(functions) => {
+            let input = Input::new(functions, fixed, qualities, flags, 1)?;
+            Box::new(input.add(moving, quality)?)
+        }
+    })
 }
 
-impl Moving for api::Moving {
+impl<V: Version> Moving for api::Moving<V> {
     fn update(&mut self, positions: &[[f32; 3]]) -> Result<(), RivalError> {
         self.move_to(positions)
     }
@@ -78,20 +101,20 @@ impl Moving for api::Moving {
     }
 }
 
-impl RayQuery for Scene {
+impl<V: Version> RayQuery for Scene<V> {
     type Hit = Hit;
 
     #[inline]
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let mut single = with_room_for_hit(ray);
-        self.intersect_one(&mut QueryContext::new(false), &mut single);
+        self.intersect_one(&mut V::arguments(false), &mut single);
         hit_of(&single)
     }
 
     #[inline]
     fn occluded(&self, ray: &Ray) -> bool {
         let mut single = single_of(ray);
-        self.occluded_one(&mut QueryContext::new(false), &mut single);
+        self.occluded_one(&mut V::arguments(false), &mut single);
         single.t_max < 0.0
     }
 
@@ -101,12 +124,12 @@ impl RayQuery for Scene {
 
     fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        let mut context = QueryContext::new(have_one_origin(rays));
+        let mut arguments = V::arguments(have_one_origin(rays));
         let mut packet = EMPTY_HITS8;
         for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
             fill(&mut packet.ray, rays);
             packet.geometry = [NOTHING; 8];
-            self.intersect_packet(&mut context, &mut packet);
+            self.intersect_packet(&mut arguments, &mut packet);
             for (lane, hit) in hits.iter_mut().enumerate() {
                 *hit = hit_of_lane(&packet, lane);
             }
@@ -115,11 +138,11 @@ impl RayQuery for Scene {
 
     fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        let mut context = QueryContext::new(have_one_origin(rays));
+        let mut arguments = V::arguments(have_one_origin(rays));
         let mut packet = EMPTY8;
         for (rays, occluded) in rays.chunks(8).zip(occluded.chunks_mut(8)) {
             fill(&mut packet, rays);
-            self.occluded_packet(&mut context, &mut packet);
+            self.occluded_packet(&mut arguments, &mut packet);
             for (occluded, t_max) in occluded.iter_mut().zip(packet.t_max) {
                 *occluded = t_max < 0.0;
             }
@@ -139,22 +162,22 @@ impl RayQuery for Scene {
     }
 }
 
-/// One context serves all rays of a list.
-impl Queries for Scene {
+/// The same arguments serve all rays of a list.
+impl<V: Version> Queries for Scene<V> {
     fn intersect_each(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        let mut context = QueryContext::new(have_one_origin(rays));
+        let mut arguments = V::arguments(have_one_origin(rays));
         for (ray, hit) in rays.iter().zip(hits) {
             let mut single = with_room_for_hit(ray);
-            self.intersect_one(&mut context, &mut single);
+            self.intersect_one(&mut arguments, &mut single);
             *hit = hit_of(&single);
         }
     }
 
     fn occluded_each(&self, rays: &[Ray], occluded: &mut [bool]) {
-        let mut context = QueryContext::new(have_one_origin(rays));
+        let mut arguments = V::arguments(have_one_origin(rays));
         for (ray, occluded) in rays.iter().zip(occluded) {
             let mut single = single_of(ray);
-            self.occluded_one(&mut context, &mut single);
+            self.occluded_one(&mut arguments, &mut single);
             *occluded = single.t_max < 0.0;
         }
     }
@@ -162,9 +185,9 @@ impl Queries for Scene {
 
 /// A scene with a filter for hits.
 #[derive(Debug)]
-struct Filtered(Scene);
+struct Filtered<V: Version>(Scene<V>);
 
-impl RayQuery for Filtered {
+impl<V: Version> RayQuery for Filtered<V> {
     type Hit = Hit;
 
     #[inline]
@@ -181,14 +204,13 @@ impl RayQuery for Filtered {
         if max > FIRST {
             return restarted_hits(&self.0, ray, max, out);
         }
-        let mut found = FirstHits::none();
-        let hits = self.0.first_hits(&mut found, &mut with_room_for_hit(ray));
+        let found = self.0.first_hits(&mut with_room_for_hit(ray));
         out.clear();
-        out.extend(hits.iter().take(max));
+        out.extend(found.hits().iter().take(max));
     }
 }
 
-impl Queries for Filtered {}
+impl<V: Version> Queries for Filtered<V> {}
 
 /// Rays of one origin come from a camera: Embree gets the hint that they are coherent.
 fn have_one_origin(rays: &[Ray]) -> bool {
@@ -221,12 +243,13 @@ fn with_room_for_hit(ray: &Ray) -> RayHit1 {
             geometry: NOTHING,
             instance: NOTHING,
         },
+        in_instance_array: NOTHING,
     }
 }
 
 #[inline]
 fn hit_of(traced: &RayHit1) -> Option<Hit> {
-    let RayHit1 { ray, hit } = traced;
+    let RayHit1 { ray, hit, .. } = traced;
     (hit.geometry != NOTHING).then_some(Hit {
         t: ray.t_max,
         u: hit.u,
@@ -255,6 +278,7 @@ const EMPTY_HITS8: RayHit8 = RayHit8 {
     triangle: [NOTHING; 8],
     geometry: [NOTHING; 8],
     instance: [NOTHING; 8],
+    in_instance_array: [NOTHING; 8],
 };
 
 /// Fills the lanes with up to eight rays, and the remaining lanes with the last one. This is part of the query's time, since

@@ -23,8 +23,10 @@
 //!
 //! # Features
 //!
-//! `embree` opens Embree 3, a system library, at its first use; `crates` compiles the rivals written in Rust. Without its feature
-//! a rival is an error, [`RivalError::NotCompiled`].
+//! `embree` opens Embree 3 or 4, a system library, at its first use: the file that the environment variable `KD_EMBREE` names, or
+//! else version 3 if it is installed, or else version 4. `crates` compiles the rivals written in Rust. `tinybvh` contains `crates`
+//! and compiles the C++ library of that name, which needs a C++20 compiler. Without its feature a rival is an error,
+//! [`RivalError::NotCompiled`].
 //!
 //! # Answers
 //!
@@ -35,23 +37,30 @@ mod crates;
 #[cfg(feature = "embree")]
 mod embree;
 mod error;
-#[cfg(not(all(feature = "crates", feature = "embree")))]
+#[cfg(not(all(feature = "crates", feature = "embree", feature = "tinybvh")))]
 mod missing;
 mod queries;
 
+#[cfg(feature = "tinybvh")]
+use crates::tinybvh;
 use kd_core::Mesh;
 #[cfg(not(feature = "crates"))]
 use missing::crates;
 #[cfg(not(feature = "embree"))]
 use missing::embree;
+#[cfg(not(feature = "tinybvh"))]
+use missing::tinybvh;
 
 pub use error::RivalError;
 pub use queries::{FIRST, Queries, Restarting};
 
+/// The environment variable that names the file of Embree.
+pub const EMBREE_VARIABLE: &str = "KD_EMBREE";
+
 /// A library, and how it builds.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Rival {
-    /// Embree 3
+    /// Embree 3 or 4: see [`embree_name`]
     Embree(EmbreeBuild, Purpose),
     /// The crate `obvhs`
     Obvhs(ObvhsBuild),
@@ -59,6 +68,8 @@ pub enum Rival {
     Bvh,
     /// The crate `parry3d`
     Parry3d,
+    /// The C++ library tinybvh
+    Tinybvh(TinybvhBuild),
 }
 
 /// Embree's quality of a build.
@@ -92,6 +103,15 @@ pub enum ObvhsBuild {
     Medium,
     /// The slow build: a compressed wide BVH
     Slow,
+}
+
+/// A build of tinybvh.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum TinybvhBuild {
+    /// Binned surface area heuristic
+    Medium,
+    /// The same with spatial splits
+    High,
 }
 
 /// How Embree follows a mesh that moves beside a static one.
@@ -172,6 +192,7 @@ impl Rival {
             Self::Obvhs(build) => crates::obvhs(build, mesh, options),
             Self::Bvh => crates::bvh(mesh, options),
             Self::Parry3d => crates::parry3d(mesh, options),
+            Self::Tinybvh(build) => tinybvh::build(build, mesh, options),
         }
     }
 }
@@ -200,12 +221,21 @@ impl Following {
     }
 }
 
-/// Checks that all rivals can be built.
+/// The name of Embree with the version that is in use, such as `Embree 3.13.5`.
+///
+/// # Errors
+///
+/// If Embree is not compiled in or not installed.
+pub fn embree_name() -> Result<String, RivalError> {
+    embree::name()
+}
+
+/// Checks that all rivals can be built but tinybvh, which few programs contain.
 ///
 /// # Errors
 ///
 /// If rivals are not compiled in, or Embree is not installed. The error says how to install it.
 pub fn check_available() -> Result<(), RivalError> {
     crates::check()?;
-    embree::check()
+    embree::name().map(|_| ())
 }

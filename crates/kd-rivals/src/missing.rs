@@ -25,6 +25,17 @@ pub(crate) mod crates {
     }
 }
 
+#[cfg(not(feature = "tinybvh"))]
+pub(crate) mod tinybvh {
+    use kd_core::Mesh;
+
+    use crate::{Built, Options, RivalError, TinybvhBuild};
+
+    pub(crate) fn build(_: TinybvhBuild, _: &Mesh, _: Options) -> Result<Built, RivalError> {
+        Err(RivalError::NotCompiled("tinybvh"))
+    }
+}
+
 #[cfg(not(feature = "embree"))]
 pub(crate) mod embree {
     use kd_core::Mesh;
@@ -33,7 +44,7 @@ pub(crate) mod embree {
 
     const MISSING: RivalError = RivalError::NotCompiled("embree");
 
-    pub(crate) fn check() -> Result<(), RivalError> {
+    pub(crate) fn name() -> Result<String, RivalError> {
         Err(MISSING)
     }
 

@@ -1,13 +1,15 @@
 //! Every rival answers like brute force, within the tolerance of its own triangle test.
+#![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
 use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_oracle::scenes;
 use kd_rivals::{
     EmbreeBuild, FIRST, Following, ObvhsBuild, Options, Purpose, Queries, Rival, RivalError,
+    TinybvhBuild,
 };
 use kd_trace::brute_force;
 
-const RIVALS: [Rival; 10] = [
+const RIVALS: [Rival; 12] = [
     Rival::Embree(EmbreeBuild::Low, Purpose::Usual),
     Rival::Embree(EmbreeBuild::Medium, Purpose::Usual),
     Rival::Embree(EmbreeBuild::High, Purpose::Usual),
@@ -18,12 +20,15 @@ const RIVALS: [Rival; 10] = [
     Rival::Obvhs(ObvhsBuild::Slow),
     Rival::Bvh,
     Rival::Parry3d,
+    Rival::Tinybvh(TinybvhBuild::Medium),
+    Rival::Tinybvh(TinybvhBuild::High),
 ];
 
 /// The feature that contains a rival, and whether it is on.
 fn feature_of(rival: Rival) -> (&'static str, bool) {
     match rival {
         Rival::Embree(..) => ("embree", cfg!(feature = "embree")),
+        Rival::Tinybvh(..) => ("tinybvh", cfg!(feature = "tinybvh")),
         _ => ("crates", cfg!(feature = "crates")),
     }
 }
@@ -42,6 +47,7 @@ fn built<T>(rival: Rival, result: Result<T, RivalError>) -> Option<T> {
         }
         Err(RivalError::NotInstalled(why)) => {
             assert!(is_on && feature == "embree", "{rival:?}: {why}");
+            eprintln!("skipped: {rival:?}: {why}");
             None
         }
         Err(error) => panic!("{rival:?}: {error}"),
@@ -85,6 +91,12 @@ fn check(rival: &str, structure: &dyn Queries, mesh: &Mesh, rays: &[Ray]) {
     for (index, ray) in rays.iter().enumerate() {
         single[index] = structure.intersect(ray);
         let is_hit = expected[index].is_some();
+        let masked = ray.with_mask(2);
+        assert_eq!(
+            structure.intersect(&masked),
+            single[index],
+            "{rival}: masks"
+        );
         let found = [
             occluded[0][index],
             occluded[1][index],
@@ -164,5 +176,54 @@ fn embree_follows_a_moving_mesh() {
             scene.update(&moving.positions()[1..]).is_err(),
             "a vertex is missing"
         );
+    }
+}
+
+/// The name of the library is that of one of the two versions.
+#[test]
+fn embree_is_named_with_its_version() {
+    match kd_rivals::embree_name() {
+        Ok(name) => {
+            eprintln!("these are answers of {name}");
+            let mut versions = ["Embree 3.", "Embree 4."].into_iter();
+            assert!(versions.any(|start| name.starts_with(start)), "{name}");
+        }
+        Err(why) => eprintln!("skipped: {why}"),
+    }
+}
+
+/// The tests above for the version that they do not have in this process, if it is installed: a process opens one library.
+#[cfg(feature = "embree")]
+#[test]
+fn the_other_version_of_embree_passes() {
+    use std::env;
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+
+    const PASS: [&str; 3] = [
+        "every_query_of_every_rival_is_close_to_brute_force",
+        "embree_follows_a_moving_mesh",
+        "embree_is_named_with_its_version",
+    ];
+    let program = env::current_exe().expect("this program");
+    let here = kd_rivals::embree_name().unwrap_or_default();
+    for major in [3, 4] {
+        if here.starts_with(&format!("Embree {major}.")) {
+            continue;
+        }
+        let library = format!("{DLL_PREFIX}embree{major}{DLL_SUFFIX}.{major}");
+        let output = std::process::Command::new(&program)
+            .args(PASS)
+            .args(["--exact", "--nocapture"])
+            .env(kd_rivals::EMBREE_VARIABLE, &library)
+            .output()
+            .expect("it starts");
+        let printed = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{library}: {printed}");
+        let is_installed = printed.contains(&format!("these are answers of Embree {major}."));
+        let is_skipped = printed.contains("skipped: Embree cannot be opened");
+        assert!(is_installed != is_skipped, "{library}: {printed}");
+        if is_skipped {
+            eprintln!("skipped: all tests of Embree {major}, which is not installed");
+        }
     }
 }

@@ -263,6 +263,7 @@ pub(super) fn table(decisions: &[Decisions; 2]) -> Table {
         }
     }
     Table {
+        library: String::new(),
         scenes: vec!["random".into(), "path-traced".into()],
         rows,
     }

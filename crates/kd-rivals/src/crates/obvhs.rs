@@ -12,7 +12,7 @@ use obvhs::ray::RayHit;
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::Trace;
+use super::{Trace, unit};
 use crate::{Built, ObvhsBuild, Options, RivalError};
 
 /// A tree of the crate with the triangles of its leaves.
@@ -78,13 +78,8 @@ impl<Tree> Obvhs<Tree> {
 /// directions of unit length.
 #[inline]
 fn ray_of(ray: &Ray) -> (obvhs::ray::Ray, f32) {
-    let squared = ray.direction.length_squared();
-    let length = if (squared - 1.0).abs() < 1e-5 {
-        1.0
-    } else {
-        squared.sqrt()
-    };
-    let (origin, direction) = (ray.origin.to_array(), (ray.direction / length).to_array());
+    let (direction, length) = unit(ray.direction);
+    let (origin, direction) = (ray.origin.to_array(), direction.to_array());
     let (t_min, t_max) = (ray.t_min * length, ray.t_max * length);
     let unit = obvhs::ray::Ray::new(origin.into(), direction.into(), t_min, t_max);
     (unit, length)

@@ -1,4 +1,5 @@
-//! Embree through a few functions of its C interface; the library is opened at its first use.
+//! Embree through a few functions of its C interface; the library is opened at its first use. Versions 3 and 4 differ in the
+//! arguments of queries: see [`Version`].
 //!
 //! The interface of this module is safe: a [`Scene`] is committed, and its handles are released when it is dropped. The floating
 //! point modes of the processor (flush to zero, denormals are zero) stay unchanged: Embree advises to set them, but compiled Rust
@@ -8,51 +9,95 @@
     reason = "calls of a C library; the interface of this module is safe"
 )]
 
+mod library;
+mod shared;
 mod v3;
+mod v4;
 
-use std::error::Error;
-use std::ffi::{CString, OsString, c_int, c_void};
-use std::iter;
+use std::ffi::{CString, c_int, c_void};
+use std::fmt::Debug;
 use std::ptr;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicIsize, Ordering};
 
 use kd_core::{Hit, Mesh};
-use libloading::Library;
 
 use crate::{FIRST, RivalError};
-use v3::{FilterArguments, Functions, Handle};
+use library::Functions;
+use shared::{FilterArguments, Handle};
 
-pub(super) use v3::{
-    Hit1, NOTHING, Quality, QueryContext, Ray1, Ray8, RayHit1, RayHit8, SceneFlags,
-};
+pub(super) use library::{Embree, library};
+pub(super) use shared::{Hit1, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8, SceneFlags};
+
+/// The queries of a version of Embree: its functions whose arguments are those of no other version.
+///
+/// # Safety
+///
+/// The unsafe functions are for a committed scene of this version, and for as many active lanes as there are rays.
+/// `first_hits` finds none unless the scene is [`SceneFlags::Filtered`].
+pub(super) trait Version: Copy + Debug + Send + Sync + 'static {
+    /// What a query gets beside its rays.
+    type Arguments: Debug;
+    /// What a filter gets.
+    type Context: Debug;
+
+    /// `coherent` is a hint for the traversal of packets; answers do not depend on it.
+    fn arguments(coherent: bool) -> Self::Arguments;
+    /// The context of the filter [`keep_first`].
+    fn context() -> Self::Context;
+
+    unsafe fn intersect1(&self, scene: Handle, _: &mut Self::Arguments, ray: &mut RayHit1);
+    unsafe fn occluded1(&self, scene: Handle, _: &mut Self::Arguments, ray: &mut Ray1);
+    unsafe fn intersect8(
+        &self,
+        lanes: *const c_int,
+        scene: Handle,
+        _: &mut Self::Arguments,
+        rays: &mut RayHit8,
+    );
+    unsafe fn occluded8(
+        &self,
+        lanes: *const c_int,
+        scene: Handle,
+        _: &mut Self::Arguments,
+        rays: &mut Ray8,
+    );
+    unsafe fn first_hits(
+        &self,
+        scene: Handle,
+        found: &mut FirstHits<Self::Context>,
+        ray: &mut RayHit1,
+    );
+}
 
 /// The context of a query for the first hits of a ray, with the hits found.
 #[derive(Debug)]
 #[repr(C)]
-pub(super) struct FirstHits {
+pub(super) struct FirstHits<C> {
     /// First, so that a pointer to it is a pointer to the whole.
-    context: QueryContext,
+    context: C,
     /// In order; `count` of them.
     nearest: [Hit; FIRST],
     count: usize,
 }
 
-impl FirstHits {
-    pub(super) fn none() -> Self {
+impl<C> FirstHits<C> {
+    fn none(context: C) -> Self {
         let nothing = Hit {
             t: f32::INFINITY,
             u: 0.0,
             v: 0.0,
             triangle: NOTHING,
         };
-        let mut context = QueryContext::new(false);
-        context.filter = Some(keep_first);
         Self {
             context,
             nearest: [nothing; FIRST],
             count: 0,
         }
+    }
+
+    /// The hits in order.
+    pub(super) fn hits(&self) -> &[Hit] {
+        &self.nearest[..self.count]
     }
 
     /// Inserts a hit in order if it is among the nearest so far.
@@ -77,13 +122,13 @@ impl FirstHits {
 ///
 /// # Safety
 ///
-/// Only for Embree, with one ray, in a query whose context is the first field of a [`FirstHits`].
-unsafe extern "C" fn keep_first(arguments: *const FilterArguments) {
+/// Only for Embree, with one ray, in a query whose context is the first field of a [`FirstHits`] of this type.
+unsafe extern "C" fn keep_first<C>(arguments: *const FilterArguments) {
     // SAFETY: Embree keeps its arguments valid and unchanged during the call.
     let arguments = unsafe { &*arguments };
     // SAFETY: the caller guarantees that this is the context of a whole `FirstHits`, and the pointer is derived from one to the
     // whole; nothing else uses it before the query ends.
-    let found = unsafe { &mut *arguments.context.cast::<FirstHits>() };
+    let found = unsafe { &mut *arguments.context.cast::<FirstHits<C>>() };
     // SAFETY: this is the ray of the query, which Embree does not use during the call.
     let ray = unsafe { &mut *arguments.ray };
     // SAFETY: this is a hit with the fields of `Hit1`, each aligned.
@@ -107,41 +152,11 @@ unsafe extern "C" fn keep_first(arguments: *const FilterArguments) {
 struct Lanes([c_int; 8]);
 static ALL_LANES: Lanes = Lanes([-1; 8]);
 
-fn functions() -> Result<&'static Functions, RivalError> {
-    static LOADED: OnceLock<Result<Functions, RivalError>> = OnceLock::new();
-    let loaded = LOADED.get_or_init(|| load(&v3::library_names().map(OsString::from)));
-    loaded.as_ref().map_err(Clone::clone)
-}
-
-fn load(names: &[OsString]) -> Result<Functions, RivalError> {
-    let mut why = String::from("no name to look for");
-    for name in names {
-        // SAFETY: opening runs the start-up code of Embree and of its libraries, which have no requirements on the program.
-        match unsafe { Library::new(name) }.and_then(Functions::of) {
-            Ok(functions) => return Ok(functions),
-            Err(error) => why = with_causes(&error),
-        }
-    }
-    Err(RivalError::NotInstalled(why))
-}
-
-/// The texts of an error and of its causes.
-fn with_causes(error: &dyn Error) -> String {
-    let all = iter::successors(Some(error), |&error: &&dyn Error| error.source());
-    let texts: Vec<String> = all.map(ToString::to_string).collect();
-    texts.join(": ")
-}
-
 /// Fails with this text unless `holds`.
 fn ensure(holds: bool, why: &str) -> Result<(), RivalError> {
     holds
         .then_some(())
         .ok_or_else(|| RivalError::Failed(why.into()))
-}
-
-/// Whether Embree is installed.
-pub(crate) fn check_installed() -> Result<(), RivalError> {
-    functions().map(|_| ())
 }
 
 /// Bytes that all devices have allocated, and their peak since the last [`Input::commit`].
@@ -156,20 +171,20 @@ extern "C" fn note_memory(_: *mut c_void, bytes: isize, _: bool) -> bool {
 
 /// A device with a scene of a mesh, in Embree's own buffers.
 #[derive(Debug)]
-struct Handles {
-    functions: &'static Functions,
+struct Handles<V: Version> {
+    functions: &'static Functions<V>,
     device: Handle,
     scene: Handle,
 }
 
 /// A mesh in Embree's buffers, ready for a build.
 #[derive(Debug)]
-pub(super) struct Input(Handles);
+pub(super) struct Input<V: Version>(Handles<V>);
 
 /// A scene that is ready to trace.
 #[derive(Debug)]
-pub(super) struct Scene {
-    handles: Handles,
+pub(super) struct Scene<V: Version> {
+    handles: Handles<V>,
     /// Its bytes, without the mesh's buffers.
     pub(super) bytes: usize,
     /// The peak of allocated bytes of its build, without the mesh's buffers.
@@ -178,47 +193,48 @@ pub(super) struct Scene {
 
 /// A scene with a moving mesh.
 #[derive(Debug)]
-pub(super) struct Moving {
-    pub(super) scene: Scene,
+pub(super) struct Moving<V: Version> {
+    pub(super) scene: Scene<V>,
     geometry: Handle,
     vertices: *mut [f32; 3],
     count: usize,
 }
 
 // SAFETY: the handles are reference counted objects of a library that is usable from any thread.
-unsafe impl Send for Scene {}
+unsafe impl<V: Version> Send for Scene<V> {}
 // SAFETY: the only calls through a shared scene are queries, which may run on any number of threads after the commit, and nothing
 // changes a committed scene.
-unsafe impl Sync for Scene {}
+unsafe impl<V: Version> Sync for Scene<V> {}
 
-impl Input {
+impl<V: Version> Input<V> {
     /// Copies a mesh, with a quality of the scene and one of the mesh. Builds run on `threads` threads, or on the greatest number of
     /// any device before: Embree's threads belong to the process and do not become fewer. So a run times one number of threads only.
     pub(super) fn new(
+        functions: &'static Functions<V>,
         mesh: &Mesh,
         [of_scene, of_mesh]: [Quality; 2],
         flags: SceneFlags,
         threads: usize,
     ) -> Result<Self, RivalError> {
-        let functions = functions()?;
+        let common = &functions.common;
         let config = CString::new(format!("threads={threads},set_affinity=0"));
         let config = config.expect("no 0 inside");
         // SAFETY: the text ends with 0 and outlives the call, which copies it.
-        let device = unsafe { (functions.new_device)(config.as_ptr()) };
+        let device = unsafe { (common.new_device)(config.as_ptr()) };
         ensure(!device.is_null(), "Embree creates no device")?;
         // SAFETY: the device is valid; the function is callable from any thread and uses no data of its caller.
-        unsafe { (functions.monitor_memory)(device, note_memory, ptr::null_mut()) };
+        unsafe { (common.monitor_memory)(device, note_memory, ptr::null_mut()) };
         // SAFETY: the device is valid.
-        let scene = unsafe { (functions.new_scene)(device) };
+        let scene = unsafe { (common.new_scene)(device) };
         let handles = Handles {
             functions,
             device,
             scene,
         };
         // SAFETY: the scene is valid, and the quality one of its enumeration.
-        unsafe { (functions.set_scene_quality)(scene, of_scene as c_int) };
+        unsafe { (common.set_scene_quality)(scene, of_scene as c_int) };
         // SAFETY: the scene is valid, and the flags are of its enumeration.
-        unsafe { (functions.set_scene_flags)(scene, flags as c_int) };
+        unsafe { (common.set_scene_flags)(scene, flags as c_int) };
         // Embree has no empty buffers.
         if !mesh.is_empty() {
             handles.attach(mesh, of_mesh)?;
@@ -228,7 +244,7 @@ impl Input {
     }
 
     /// Adds another mesh, whose vertices may change.
-    pub(super) fn add(self, mesh: &Mesh, quality: Quality) -> Result<Moving, RivalError> {
+    pub(super) fn add(self, mesh: &Mesh, quality: Quality) -> Result<Moving<V>, RivalError> {
         let Self(handles) = self;
         let (geometry, vertices) = handles.attach(mesh, quality)?;
         let before = BYTES_IN_USE.load(Ordering::Relaxed);
@@ -249,12 +265,12 @@ impl Input {
     }
 
     /// Builds: the timed part.
-    pub(super) fn commit(self) -> Result<Scene, RivalError> {
+    pub(super) fn commit(self) -> Result<Scene<V>, RivalError> {
         let Self(handles) = self;
         let before = BYTES_IN_USE.load(Ordering::Relaxed);
         BYTES_AT_PEAK.store(before, Ordering::Relaxed);
         // SAFETY: the scene is valid and not shared.
-        unsafe { (handles.functions.commit_scene)(handles.scene) };
+        unsafe { (handles.functions.common.commit_scene)(handles.scene) };
         handles.check()?;
         let grown = |to: &AtomicIsize| to.load(Ordering::Relaxed).saturating_sub(before).max(0);
         Ok(Scene {
@@ -265,38 +281,41 @@ impl Input {
     }
 }
 
-impl Handles {
+impl<V: Version> Handles<V> {
     /// Adds the mesh to the scene, and returns its geometry, which the scene keeps, and its vertex buffer.
     fn attach(&self, mesh: &Mesh, quality: Quality) -> Result<(Handle, *mut [f32; 3]), RivalError> {
-        let functions = self.functions;
+        let common = &self.functions.common;
         // SAFETY: the device is valid.
-        let geometry = unsafe { (functions.new_geometry)(self.device, v3::TRIANGLES) };
+        let geometry = unsafe { (common.new_geometry)(self.device, shared::TRIANGLES) };
         // SAFETY: the geometry is valid, and the quality one of its enumeration.
-        unsafe { (functions.set_geometry_quality)(geometry, quality as c_int) };
+        unsafe { (common.set_geometry_quality)(geometry, quality as c_int) };
+        // Embree 4 lets a ray hit what shares a bit with its mask, and geometries begin with one bit.
+        // SAFETY: the geometry is valid.
+        unsafe { (common.set_geometry_mask)(geometry, u32::MAX) };
         let copied = self
             .fill(
                 geometry,
-                v3::VERTEX_BUFFER,
-                v3::THREE_FLOATS,
+                shared::VERTEX_BUFFER,
+                shared::THREE_FLOATS,
                 mesh.positions(),
             )
             .and_then(|vertices| {
                 self.fill(
                     geometry,
-                    v3::INDEX_BUFFER,
-                    v3::THREE_UINTS,
+                    shared::INDEX_BUFFER,
+                    shared::THREE_UINTS,
                     mesh.triangles(),
                 )?;
                 Ok((geometry, vertices))
             });
         if copied.is_ok() {
             // SAFETY: the geometry is valid and has its two buffers.
-            unsafe { (functions.commit_geometry)(geometry) };
+            unsafe { (common.commit_geometry)(geometry) };
             // SAFETY: both are valid and of one device.
-            unsafe { (functions.attach_geometry)(self.scene, geometry) };
+            unsafe { (common.attach_geometry)(self.scene, geometry) };
         }
         // SAFETY: the geometry is valid; the scene keeps a reference of its own.
-        unsafe { (functions.release_geometry)(geometry) };
+        unsafe { (common.release_geometry)(geometry) };
         copied
     }
 
@@ -310,7 +329,7 @@ impl Handles {
     ) -> Result<*mut [T; 3], RivalError> {
         const STRIDE: usize = 12;
         assert_eq!(size_of::<[T; 3]>(), STRIDE, "triples of 4 bytes");
-        let new_buffer = self.functions.new_buffer;
+        let new_buffer = self.functions.common.new_buffer;
         // SAFETY: the geometry is valid; the buffer is one of triangles, in its only format.
         let place = unsafe { new_buffer(geometry, buffer, 0, format, STRIDE, values.len()) };
         ensure(!place.is_null(), "Embree has no memory for the mesh")?;
@@ -323,12 +342,12 @@ impl Handles {
     /// The first error since the last check.
     fn check(&self) -> Result<(), RivalError> {
         // SAFETY: the device is valid.
-        let code = unsafe { (self.functions.device_error)(self.device) };
+        let code = unsafe { (self.functions.common.device_error)(self.device) };
         ensure(code == 0, &format!("Embree reports error {code}"))
     }
 }
 
-impl Moving {
+impl<V: Version> Moving<V> {
     /// Moves the vertices of the second mesh and updates the scene: the timed part.
     pub(super) fn move_to(&mut self, positions: &[[f32; 3]]) -> Result<(), RivalError> {
         let count = positions.len();
@@ -336,79 +355,82 @@ impl Moving {
         let Handles {
             functions, scene, ..
         } = self.scene.handles;
+        let common = &functions.common;
         // SAFETY: the buffer has room for `count` positions and lives as long as the geometry, which the scene keeps; no query or
         // build reads it during this exclusive borrow.
         unsafe { ptr::copy_nonoverlapping(positions.as_ptr(), self.vertices, positions.len()) };
         // SAFETY: the geometry has this buffer.
-        unsafe { (functions.update_buffer)(self.geometry, v3::VERTEX_BUFFER, 0) };
+        unsafe { (common.update_buffer)(self.geometry, shared::VERTEX_BUFFER, 0) };
         // SAFETY: the geometry is valid.
-        unsafe { (functions.commit_geometry)(self.geometry) };
+        unsafe { (common.commit_geometry)(self.geometry) };
         // SAFETY: the scene is valid and not shared.
-        unsafe { (functions.commit_scene)(scene) };
+        unsafe { (common.commit_scene)(scene) };
         self.scene.handles.check()
     }
 }
 
-impl Drop for Handles {
+impl<V: Version> Drop for Handles<V> {
     fn drop(&mut self) {
         // SAFETY: the scene is valid, and this is its one reference.
-        unsafe { (self.functions.release_scene)(self.scene) };
+        unsafe { (self.functions.common.release_scene)(self.scene) };
         // SAFETY: the device is valid, and this is its one reference.
-        unsafe { (self.functions.release_device)(self.device) };
+        unsafe { (self.functions.common.release_device)(self.device) };
     }
 }
 
-impl Scene {
+impl<V: Version> Scene<V> {
     /// The closest hit of one ray.
     #[inline]
-    pub(super) fn intersect_one(&self, context: &mut QueryContext, ray: &mut RayHit1) {
+    pub(super) fn intersect_one(&self, arguments: &mut V::Arguments, ray: &mut RayHit1) {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: the scene is committed; the types are those of the headers, aligned as they say.
-        unsafe { (functions.intersect1)(scene, context, ray) }
+        // SAFETY: the scene is committed.
+        unsafe { functions.queries.intersect1(scene, arguments, ray) }
     }
 
     /// The first hits of one ray; none unless the scene is [`SceneFlags::Filtered`].
     #[inline]
-    pub(super) fn first_hits<'a>(&self, found: &'a mut FirstHits, ray: &mut RayHit1) -> &'a [Hit] {
+    pub(super) fn first_hits(&self, ray: &mut RayHit1) -> FirstHits<V::Context> {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        found.count = 0;
-        // SAFETY: as for `intersect_one`; the pointer is to the whole `FirstHits` that the filter of the context expects.
-        unsafe { (functions.intersect1)(scene, ptr::from_mut(found).cast(), ray) };
-        &found.nearest[..found.count]
+        let mut found = FirstHits::none(V::context());
+        // SAFETY: the scene is committed.
+        unsafe { functions.queries.first_hits(scene, &mut found, ray) };
+        found
     }
 
     /// Whether one ray hits anything.
     #[inline]
-    pub(super) fn occluded_one(&self, context: &mut QueryContext, ray: &mut Ray1) {
+    pub(super) fn occluded_one(&self, arguments: &mut V::Arguments, ray: &mut Ray1) {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: as for `intersect_one`.
-        unsafe { (functions.occluded1)(scene, context, ray) }
+        // SAFETY: the scene is committed.
+        unsafe { functions.queries.occluded1(scene, arguments, ray) }
     }
 
     /// The closest hits of eight rays.
     #[inline]
-    pub(super) fn intersect_packet(&self, context: &mut QueryContext, rays: &mut RayHit8) {
+    pub(super) fn intersect_packet(&self, arguments: &mut V::Arguments, rays: &mut RayHit8) {
         let Handles {
             functions, scene, ..
         } = self.handles;
-        // SAFETY: as for `intersect_one`; there is a lane for each ray, with the same alignment.
-        unsafe { (functions.intersect8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
+        let lanes = ALL_LANES.0.as_ptr();
+        // SAFETY: the scene is committed, and there are eight lanes, aligned like the rays.
+        unsafe { functions.queries.intersect8(lanes, scene, arguments, rays) }
     }
 
     /// Whether each of eight rays hits anything.
     #[inline]
-    pub(super) fn occluded_packet(&self, context: &mut QueryContext, rays: &mut Ray8) {
+    pub(super) fn occluded_packet(&self, arguments: &mut V::Arguments, rays: &mut Ray8) {
         let Handles {
             functions, scene, ..
         } = self.handles;
+        let lanes = ALL_LANES.0.as_ptr();
         // SAFETY: as for `intersect_packet`.
-        unsafe { (functions.occluded8)(ALL_LANES.0.as_ptr(), scene, context, rays) }
+        unsafe { functions.queries.occluded8(lanes, scene, arguments, rays) }
     }
 }
 
@@ -419,27 +441,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_the_library_the_message_says_how_to_install_it() {
-        let missing = load(&["libembree-that-is-not-there.so".into()])
-            .expect_err("no such library exists")
-            .to_string();
-        for part in [
-            "libembree-that-is-not-there.so",
-            "apt-get install libembree-dev",
-        ] {
-            assert!(missing.contains(part), "{part} in: {missing}");
-        }
-        assert!(!missing.contains('\n'), "one line: {missing}");
-    }
-
-    #[test]
     fn a_pointer_to_the_context_is_one_to_the_whole() {
-        assert_eq!(offset_of!(FirstHits, context), 0, "in front");
+        assert_eq!(offset_of!(FirstHits<[u32; 2]>, context), 0, "in front");
     }
 
     #[test]
     fn the_nearest_hits_are_kept_in_order() {
-        let mut found = FirstHits::none();
+        let mut found = FirstHits::none(());
         let mut noted = |distances: &[f32]| {
             for (triangle, t) in (0..).zip(distances) {
                 found.insert(Hit {

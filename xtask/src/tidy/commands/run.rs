@@ -25,8 +25,11 @@ pub(super) fn is_installed(tool: Tool) -> bool {
     }
 }
 
-/// Whether a folder in which dynamic linkers look has Embree 3.
+/// Whether the user names the file of Embree, or a folder in which dynamic linkers look has Embree 3 or 4.
 fn has_embree() -> bool {
+    if let Some(named) = std::env::var_os("KD_EMBREE") {
+        return !named.is_empty();
+    }
     let listed = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
     let mut folders: Vec<PathBuf> = std::env::split_paths(&listed).collect();
     for folder in [
@@ -49,9 +52,9 @@ fn has_embree() -> bool {
         .iter()
         .filter_map(|folder| fs::read_dir(folder).ok());
     files.flatten().flatten().any(|file| {
-        file.file_name()
-            .to_string_lossy()
-            .starts_with("libembree3.")
+        let name = file.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with("libembree3.") || name.starts_with("libembree4.")
     })
 }
 

@@ -22,7 +22,7 @@ pub(super) struct SmallForm {
 /// What a machine may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Tool {
-    /// Embree 3, which `--peers` needs, too.
+    /// Embree, which `--peers` needs, too.
     Embree,
     Valgrind,
 }
