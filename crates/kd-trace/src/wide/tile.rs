@@ -14,6 +14,8 @@ mod alone;
 mod frustum;
 mod gather;
 mod leaf;
+#[cfg(test)]
+mod search;
 mod trace;
 mod waiting;
 
