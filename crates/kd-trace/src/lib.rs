@@ -98,6 +98,8 @@ pub mod kit;
 mod planes;
 mod probe;
 mod ray_query;
+#[cfg(test)]
+mod search;
 mod triangle;
 mod wide;
 

@@ -14,8 +14,6 @@ mod alone;
 mod frustum;
 mod gather;
 mod leaf;
-#[cfg(test)]
-mod search;
 mod trace;
 mod waiting;
 

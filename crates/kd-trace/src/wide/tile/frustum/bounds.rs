@@ -8,9 +8,9 @@ use kd_oracle::rng::Rng;
 use kd_simd::{Level, Task, each};
 
 use super::*;
+use crate::search::{self, in_memory, vary};
 use crate::wide::tile::Tile;
 use crate::wide::tile::leaf::MOST_SPREAD;
-use crate::wide::tile::search::{self, in_memory, vary};
 
 /// A ray for each group of a tile, and the box of a scene that all of them pass.
 #[derive(Clone, Copy, Debug)]

@@ -13,8 +13,8 @@ use kd_simd::{Level, Task, Three, Triple, each};
 use super::*;
 use crate::decision;
 use crate::planes::Frame;
+use crate::search::{self, in_memory, vary};
 use crate::wide::tile::Tile;
-use crate::wide::tile::search::{self, in_memory, vary};
 
 /// A ray for each group of a tile, and a triangle for each lane of a block.
 #[derive(Clone, Copy, Debug)]

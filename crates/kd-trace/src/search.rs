@@ -5,7 +5,7 @@ use kd_oracle::rng::Rng;
 use kd_simd::{F32x8, LANES};
 
 /// The largest value found: random cases are varied, and what increases the value is kept.
-pub(super) fn largest<C: Copy>(
+pub(crate) fn largest<C: Copy>(
     random: impl Fn(&mut Rng) -> C,
     varied: impl Fn(C, &mut Rng) -> C,
     value: impl Fn(&C) -> f64,
@@ -32,7 +32,7 @@ pub(super) fn largest<C: Copy>(
 }
 
 /// To a number beside it, or one that differs by a part of `size`.
-pub(super) fn vary(x: &mut f32, size: f32, rng: &mut Rng) {
+pub(crate) fn vary(x: &mut f32, size: f32, rng: &mut Rng) {
     *x = match rng.below(4) {
         0 => x.next_up(),
         1 => x.next_down(),
@@ -41,7 +41,7 @@ pub(super) fn vary(x: &mut f32, size: f32, rng: &mut Rng) {
     };
 }
 
-pub(super) fn in_memory<F: F32x8>(x: F) -> [f32; LANES] {
+pub(crate) fn in_memory<F: F32x8>(x: F) -> [f32; LANES] {
     let mut lanes = [0.0; LANES];
     x.store(&mut lanes);
     lanes
