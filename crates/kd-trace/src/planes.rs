@@ -12,7 +12,7 @@
 //!
 //! - P lies within 2⁻²⁶ W of the ray: sheared coordinates of a triangle that surrounds the ray are at most 2W apart (the
 //!   shear is at most 1), so their mean magnitude with P's weights is at most W, and rounding them to 26 bits moves P by 2⁻²⁶ of
-//!   that. If finer weights were used, it lies within 3 · 2⁻²⁸ of the largest one, below 3/4 · 2⁻²⁵ W;
+//!   that. If finer weights were used, it lies within 3 · 2⁻²⁸ of the largest one, at most 3/4 · 2⁻²⁵ W;
 //! - computing in f64 adds at most 2⁻⁴⁹ R, in P and in its distance;
 //! - the reported `t` is that of P rounded to f32: a relative error of 2⁻²⁴, or where it underflows an absolute one
 //!   of 2⁻¹⁵⁰;

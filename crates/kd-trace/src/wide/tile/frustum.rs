@@ -17,10 +17,10 @@
 //!
 //! - for the line's slope: u(Q + P) each for the slope of a ray, its product with the largest depth, the difference of places,
 //!   and the quotient; u(Q + 2P) for the place at the largest depth;
-//! - 4.5uP for the place at depth 0, as in [`leaf`](super::leaf), and u(2A + P) for its sum with the apex's coordinate and the pad;
-//! - u(Q + P) for the product with a depth, u(Q + A) for the sum, and u(2Q + 3P) for the depths at which rays start or end.
+//! - 4uP for the place at depth 0, besides the slope, and u(2A + P) for its sum with the apex's coordinate and the pad;
+//! - u(Q + P) for the product with a depth, u(Q + A) for the sum, and u(3Q + 4P) for the depths at which rays start or end.
 //!
-//! That is at most 9uQ + 15.5uP + 3uA. Twice that and more is added. (A search finds a seventh of what is for Q and P, and a third
+//! That is at most 10uQ + 16uP + 3uA. Twice that is added, or more. (A search finds a seventh of what is for Q and P, and a third
 //! of what is for A.) The depths of faces err by less than the distances by which these are moved.
 //!
 //! The slopes of single rays are known relative to the central one. With the tile's spread s, that adds usz at depth z, which

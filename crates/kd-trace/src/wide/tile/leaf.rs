@@ -29,13 +29,15 @@
 //!   one 12usPZ, together at most 6uS². All terms add up to 2S² or less, also where the middle and the radius are summed apart: so
 //!   five roundings of sums, one of all products and one of the result cost 14uS².
 //!
-//! The bound B = (8e + 40uS)(S + e) is twice that and more. (A search finds a fifth of it.)
+//! The bound B = (8e + 40uS)(S + e) is twice that and more. (A search finds a fifth of it. Since S ≤ L, the first term alone
+//! would be enough, but less than twice.)
 //!
 //! For one ray, from its own corners, the triangle's size is enough: the largest difference m of corner a and another one, across
 //! and along. Where a triangle is hit, the two corners of an edge are together no further away across than 3m. So coordinates
 //! cost 6em and 2e², and evaluation 9um². Where f32 finds it hit, it is hit exactly as seen with the coordinates in f32, since
 //! products are rounded alike, and their difference has the right sign. Such corners are together no further away than
-//! 3m + 4e, which costs 8e² more. The bound b = (12e + 20um)(m + 2e) is twice that and more. (A search finds a tenth.)
+//! 3m + 4e, which costs 8e² more. The bound b = (12e + 20um)(m + 2e) is twice that and more. (A search finds a tenth. Again the
+//! first term would be enough: m ≤ 2L.)
 //!
 //! A ray meets the plane of a triangle with the normal n at the depth `za - (nx lx + ny ly) / (nx a + ny b + nz)`, where l is
 //! across from corner a to the ray, there. The normal is made from the differences of corners b and c from a, taken before

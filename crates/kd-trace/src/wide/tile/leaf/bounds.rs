@@ -199,7 +199,7 @@ fn ray_errors<S: Simd, const TERMS: usize>(
     let place = rounding * (x + y) / f64::from(edges.bound_depth[lane]);
     if rounding > 0.8 * bound {
         errors.rounding = share;
-    } else if rounding < 0.2 * bound && place > 0.8 {
+    } else if rounding < 0.05 * bound && place > 0.8 {
         errors.place = share;
     } else if rounding < 0.2 * bound && place < 0.2 {
         errors.normal = share;
@@ -333,8 +333,8 @@ fn bounds_of_depths_are_needed() {
     let steep = Setup {
         apart: 0.0,
         spread: 1e-3,
-        across: 1e-3,
-        along: 1e-3,
+        across: 1e-4,
+        along: 1e-2,
     };
     let place = largest(steep, |errors| errors.place);
     assert!(place > 1.0 / 6.0, "the place of a ray: {place}");
