@@ -21,7 +21,8 @@
 //! - u(Q + P) for the product with a depth, u(Q + A) for the sum, and u(3Q + 4P) for the depths at which rays start or end.
 //!
 //! That is at most 10uQ + 16uP + 3uA. Twice that is added, or more. (A search finds a seventh of what is for Q and P, and a third
-//! of what is for A; a pad as small as uA is rounded to the neighbors of A, and so may be enough.) The depths of faces err by less than the distances by which these are moved.
+//! of what is for A; a pad as small as uA is rounded to the neighbors of A, and so may be enough.) The depths of faces err by
+//! less than the distances by which these are moved.
 //!
 //! The slopes of single rays are known relative to the central one. With the tile's spread s, that adds usz at depth z, which
 //! may be far more than uQ where a ray hardly moves across, and the central one does. So 2usz is added. (A search finds half.)
