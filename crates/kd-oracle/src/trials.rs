@@ -83,6 +83,7 @@ macro_rules! trials {
             flat_along_each_axis,
             grazing_rays,
             hits_at_equal_distances,
+            hits_beside_a_needle,
             hits_from_outside_the_box,
             nasty_scenes,
             no_triangles_no_hits,

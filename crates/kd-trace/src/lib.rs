@@ -99,6 +99,8 @@ pub mod kit;
 mod planes;
 mod probe;
 mod ray_query;
+#[cfg(test)]
+mod search;
 mod triangle;
 mod wide;
 

@@ -2,8 +2,8 @@
 
 use kd_core::Aabb;
 
-/// 2⁻²³, of the longest side.
-const PER_SIDE: f32 = 1.0 / (1 << 23) as f32;
+/// 2⁻²⁴, of the longest side.
+const PER_SIDE: f32 = 1.0 / (1 << 24) as f32;
 /// 2⁻⁴⁶, of distances and coordinates.
 pub const PER_REACH: f32 = 1.0 / (1_u64 << 46) as f32;
 /// 2³⁶, the largest coordinate of a usual ray and of the box around its tree. Up to it no product of three distances overflows, and

@@ -366,6 +366,35 @@ pub fn a_hit_beside_its_triangle(subject: &Subject) {
     }
 }
 
+/// The same hits at an edge of a needle's box, by rays that are outside the box everywhere, and start so near that no distance to
+/// a face is large.
+#[track_caller]
+pub fn hits_beside_a_needle(subject: &Subject) {
+    let mut rng = Rng(45);
+    for axis in 0..3 {
+        let turned = |x: f32, y: f32, z: f32| scenes::turned(axis, [z, x, y]);
+        for width in [1e-5, 1e-3] {
+            let mut soup = Soup::default();
+            soup.triangle([
+                turned(0.0, 0.0, -0.5),
+                turned(0.0, 0.0, 0.5),
+                turned(width, width, 0.1),
+            ]);
+            let mesh = Arc::new(soup.mesh());
+            let needle = Over::new(subject, "needle", &mesh);
+            let mut hits = 0;
+            for _ in 0..effort::count(1000, 10_000) {
+                let (slope, aside) = (rng.between(0.5, 1.0), 4e-9 * rng.unit());
+                let direction = turned(slope, -slope, rng.pick(&[-1.0, 1.0]));
+                let start = turned(-aside, -aside, rng.between(-0.1, 0.1));
+                let ray = Ray::new(start, direction).with_range(-INFINITY, INFINITY);
+                hits += usize::from(needle.check(&ray) > 0);
+            }
+            assert!(hits > effort::count(200, 2000), "{width}: {hits} hits");
+        }
+    }
+}
+
 /// The same hits at the edges of the scene's box, by rays that are outside the box everywhere.
 #[track_caller]
 pub fn hits_from_outside_the_box(subject: &Subject) {

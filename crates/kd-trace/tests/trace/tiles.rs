@@ -9,7 +9,7 @@ use kd_trace::{Level, RayQuery, WideTree, brute_force};
 
 use crate::check::source;
 use crate::rng::Rng;
-use crate::scenes::{self, moved, soup, sphere};
+use crate::scenes::{self, Soup, moved, soup, sphere};
 
 /// Ways in which rays are neighbors.
 #[derive(Clone, Copy, Debug)]
@@ -237,6 +237,47 @@ fn rays_on_all_sides_that_nearly_miss() {
             check(scene, &mesh, &trees, &rays);
         }
     }
+}
+
+/// A few rays to edges of small squares far away, among rays that pass the squares on all sides. The slopes of both differ so much
+/// that a slope relative to the central one is known only up to a rounding of the largest.
+#[test]
+fn a_few_that_hit_among_many_that_diverge() {
+    const SIDE: u8 = 24;
+    let mut soup = Soup::default();
+    let corner = |i: u8, j: u8| Vec3::new(f32::from(i), f32::from(j), 0.0) / f32::from(SIDE);
+    for i in (0..SIDE).step_by(2) {
+        for j in (0..SIDE).step_by(2) {
+            let (right, up) = (i + 1, j + 1);
+            soup.quad([
+                corner(i, j),
+                corner(right, j),
+                corner(right, up),
+                corner(i, up),
+            ]);
+        }
+    }
+    let mesh = soup.mesh();
+    let trees = levels(&mesh);
+    let mut rng = Rng(78);
+    let mut hits = 0;
+    for _ in 0..effort::count(200, 1000) {
+        let eye = Vec3::new(rng.unit(), rng.unit(), -rng.pick(&[100.0, 1e3, 1e4]));
+        let rays: Vec<Ray> = (0..64)
+            .map(|number| {
+                if number % 16 != 0 {
+                    let slope = Vec3::new(rng.between(-0.01, 0.47), rng.between(-0.01, 0.47), 1.0);
+                    return Ray::new(eye, slope);
+                }
+                let triangle = u32::try_from(rng.below(mesh.len())).expect("small");
+                let [a, b, c] = mesh.corners(triangle);
+                let on_edge = a.lerp(rng.pick(&[b, c]), rng.unit());
+                Ray::new(eye, on_edge.lerp(mesh.bounds().center(), 1e-6) - eye)
+            })
+            .collect();
+        hits += check("squares", &mesh, &trees, &rays);
+    }
+    assert!(hits > effort::count(100, 500), "{hits} hits");
 }
 
 /// Some of a tile that cannot hit anything, go the other way, begin behind themselves or are of another length.

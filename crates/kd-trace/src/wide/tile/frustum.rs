@@ -7,12 +7,25 @@
 //! rays are above the smaller of the line's values there. The sign of the slope determines which one that is: so slopes are
 //! stored as two numbers, of which one is zero.
 //!
+//! # The bound
+//!
 //! The bound of [`planes`](crate::planes) is on distances between faces and hits, times `|1/d|`, so here faces are moved by
-//! the distances alone. The rounded quantities differ: places and slopes of lines, their products with a depth, and sums
-//! with the apex's coordinate, each by u = 2⁻²⁴. Where a product is more than twice the largest distance Q between the apex
-//! and a face, the answer is right for any rounding; elsewhere the sum of errors is below 16 u (Q + P) + 8 u A, with the
-//! apex's coordinate A, and P for the largest distance between the apex and a ray's start, and between it and the place where
-//! the ray is at depth 0. Twice that is added.
+//! the distances alone. The rounded quantities differ. Let u = 2⁻²⁴, Q the largest distance between the apex and a face of the
+//! tree's box on an axis, A the apex's coordinate there, P the largest distance between the apex and a ray's start, and between it
+//! and the place where the ray is at depth 0. Where a product of a slope and a depth is larger than Q + P, the line is on the right
+//! side of a face for any rounding. Elsewhere the errors at a hit are
+//!
+//! - for the line's slope: u(Q + P) each for the slope of a ray, its product with the largest depth, the difference of places,
+//!   and the quotient; u(Q + 2P) for the place at the largest depth;
+//! - 4uP for the place at depth 0, besides the slope, and u(2A + P) for its sum with the apex's coordinate and the pad;
+//! - u(Q + P) for the product with a depth, u(Q + A) for the sum, and u(3Q + 4P) for the depths at which rays start or end.
+//!
+//! That is at most 10uQ + 16uP + 3uA. Twice that is added, or more. (A search finds a seventh of what is for Q and P, and a third
+//! of what is for A; a pad as small as uA is rounded to the neighbors of A, and so may be enough.) The depths of faces err by
+//! less than the distances by which these are moved.
+//!
+//! The slopes of single rays are known relative to the central one. With the tile's spread s, that adds usz at depth z, which
+//! may be far more than uQ where a ray hardly moves across, and the central one does. So 2usz is added. (A search finds half.)
 
 use kd_simd::{F32x8, LANES, Number, Simd};
 use kd_wide::WideNode;
@@ -22,8 +35,11 @@ use crate::planes::{Frame, PER_REACH};
 
 /// 2⁻¹⁹, of distances.
 const PER_DISTANCE: f32 = 1.0 / (1 << 19) as f32;
-/// 2⁻²⁰, of the apex's coordinates.
-const PER_COORDINATE: f32 = 1.0 / (1 << 20) as f32;
+/// 2⁻²¹, of the apex's coordinates.
+const PER_COORDINATE: f32 = 1.0 / (1 << 21) as f32;
+
+/// 2⁻²³, of depths times the spread of the tile.
+const PER_SPREAD: f32 = f32::EPSILON;
 
 /// 2⁻¹⁰⁰.
 const LEAST_DEPTH: f32 = f32::from_bits((127 - 100) << 23);
@@ -185,6 +201,18 @@ impl Frustum<[f32; LANES]> {
     }
 }
 
+impl<F: F32x8> Frustum<F> {
+    /// The least and the largest coordinate across one axis between two depths, moved.
+    #[inline(always)]
+    fn across(&self, axis: usize, [near, far]: [F; 2]) -> [F; 2] {
+        let (lo, hi) = (&self.lo[axis], &self.hi[axis]);
+        [
+            far.mul_add(lo.down, near.mul_add(lo.up, lo.at)),
+            near.mul_add(hi.down, far.mul_add(hi.up, hi.at)),
+        ]
+    }
+}
+
 /// Boxes, in the order of the apex's axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Boxes<F> {
@@ -253,37 +281,54 @@ pub(super) fn meet<S: Simd>(
     let (near, far) = (near.max(frusta.start), far.min(frusta.limit));
     let mut is_met = near.le(far);
     for axis in 0..2 {
-        let (lo, hi) = (frusta.lo[axis], frusta.hi[axis]);
-        let least = far.mul_add(lo.down, near.mul_add(lo.up, lo.at));
-        let most = near.mul_add(hi.down, far.mul_add(hi.up, hi.at));
+        let [least, most] = frusta.across(axis, [near, far]);
         is_met = is_met & least.le(boxes.max[axis]) & boxes.min[axis].le(most);
     }
     (is_met, near)
 }
 
 /// The rays of eight that may meet a box, from their coordinates across at depth 0, from the apex, their slopes, and the depths
-/// between which they count.
+/// between which they count. The slopes are sums of the central slope and a difference.
 #[inline(always)]
 pub(super) fn meet_each<S: Simd>(
     simd: S,
-    apex: &Apex,
+    view: &View,
     at: [S::F32; 2],
     slope: [S::F32; 2],
     [start, limit]: [S::F32; 2],
     boxes: &Boxes<S::F32>,
 ) -> <S::F32 as Number>::Mask {
+    let apex = &view.apex;
     let (near, far) = depths(simd, apex, boxes);
     let (near, far) = (near.max(start), far.min(limit));
     let mut is_met = near.le(far);
     for axis in 0..2 {
-        let (there, pad) = (simd.splat(apex.at[axis]), simd.splat(apex.pad[axis]));
-        let ends = [
-            slope[axis].mul_add(near, at[axis]) + there,
-            slope[axis].mul_add(far, at[axis]) + there,
-        ];
-        let least = ends[0].min(ends[1]) - pad;
-        let most = ends[0].max(ends[1]) + pad;
+        let [least, most] = across(simd, view, axis, at[axis], slope[axis], [near, far]);
         is_met = is_met & least.le(boxes.max[axis]) & boxes.min[axis].le(most);
     }
     is_met
 }
+
+/// The least and the largest coordinate of eight rays across one axis between two depths, moved.
+#[inline(always)]
+fn across<S: Simd>(
+    simd: S,
+    view: &View,
+    axis: usize,
+    at: S::F32,
+    slope: S::F32,
+    [near, far]: [S::F32; 2],
+) -> [S::F32; 2] {
+    let apex = &view.apex;
+    let there = simd.splat(apex.at[axis]);
+    let ends = [
+        slope.mul_add(near, at) + there,
+        slope.mul_add(far, at) + there,
+    ];
+    let per_depth = simd.splat(PER_SPREAD * view.spread);
+    let pad = far.mul_add(per_depth, simd.splat(apex.pad[axis]));
+    [ends[0].min(ends[1]) - pad, ends[0].max(ends[1]) + pad]
+}
+
+#[cfg(test)]
+mod bounds;

@@ -21,25 +21,32 @@
 //! ray's view, Z the largest depth, s the largest of |a| and |b| (at most [`MOST_SPREAD`]), P the largest of |c|, |d| and the
 //! depths where rays start, S = M + sZ + P, which is at least any coordinate in any ray's view, and L = S + Z.
 //!
-//! - Coordinates: moving a corner to the apex errs by u(M + Z), and by uZ along; the central slope and the shear's product
-//!   by uZ each, the difference by uM; a by 2u, which is 2uZ; c by 4uP; the rounding to 26 bits that decides by u/4 S. All
-//!   of it is below e = 8uL, so two edge functions differ by 4eS + 2e².
-//! - Evaluation: products and differences of M² cost 4uM²; those with a and b 4usMZ each, those with c and d 4uPM each, the
-//!   last one 16usPZ; the sum, at most 12S², is rounded five times. All of it is below 100uS². Without c and d, 16uS².
+//! - Coordinates: moving a corner to the apex errs by u(M + Z), and by uZ along; the shear's product by uZ, the difference by uM;
+//!   a by u, half of it in the slope and half in its difference from the central one, which is uZ; c by 4.5uP; the rounding to 26
+//!   bits that decides by u/4 S. That is at most 4.75uL. Where coordinates are computed for a ray, its products err by usZ, and
+//!   sums by u(M + sZ) and uS. All of it is below e = 6uL, so two edge functions differ by 4eS + 2e².
+//! - Evaluation for groups: the products of coordinates cost 4uM², the terms with a and b 8usMZ, those with c and d 4uPM, the last
+//!   one 12usPZ, together at most 6uS². All terms add up to 2S² or less, also where the middle and the radius are summed apart: so
+//!   five roundings of sums, one of all products and one of the result cost 14uS².
 //!
-//! The bound B = u(80L + 200S)(S + e), without c and d u(80L + 32S)(S + e), is twice that and more.
+//! The bound B = (8e + 40uS)(S + e) is twice that and more. (A search finds a fifth of it. Since S ≤ L, the first term alone
+//! would be enough, but less than twice.)
 //!
-//! For one ray, from its own corners, S may be the triangle's size m: the largest differences of its corners, across and
-//! along. Where a triangle is hit, no corner is further away across, and where it surely is, that is looked at. Then
-//! coordinates cost 12em and 18e², with those up to 3m away, and evaluation 36um²: below the bound b = u(200L + 80m)(m + e).
+//! For one ray, from its own corners, the triangle's size is enough: the largest difference m of corner a and another one, across
+//! and along. Where a triangle is hit, the two corners of an edge are together no further away across than 3m. So coordinates
+//! cost 6em and 2e², and evaluation 9um². Where f32 finds it hit, it is hit exactly as seen with the coordinates in f32, since
+//! products are rounded alike, and their difference has the right sign. Such corners are together no further away than
+//! 3m + 4e, which costs 8e² more. The bound b = (12e + 20um)(m + 2e) is twice that and more. (A search finds a tenth. Again the
+//! first term would be enough: m ≤ 2L.)
 //!
 //! A ray meets the plane of a triangle with the normal n at the depth `za - (nx lx + ny ly) / (nx a + ny b + nz)`, where l is
 //! across from corner a to the ray, there. The normal is made from the differences of corners b and c from a, taken before
-//! the shear; they are at most m across and d along, and err by 4u(m + d) and ud. So nx and ny err by 14u(m + d)d, and nz by
-//! 20u(m + d)m. With l, at most m + d, known up to 2e, the numerator errs by 2e(|nx| + |ny|) + 28u(m + d)²d, the denominator D
-//! by 27u(m + d)², and the quotient, at most d where the triangle is hit, by (2e(|nx| + |ny|) + 55u(m + d)²d)/|D|. Twice that and
-//! more is allowed, and 12uL for rounding depths, the ray's ends, and the `t` that is reported. Nor is a hit nearer than the
-//! nearest corner, or farther than the farthest.
+//! the shear; they are at most m across and d along, and err by u(2m + 3d) and ud. So nx and ny err by u(10m + 6d)d, and nz by
+//! 12u(m + d)m. With l, at most m + sd, known up to e, the numerator errs by e(|nx| + |ny|) + u(28m + 12d)d(m + sd), the
+//! denominator D by u(16m² + 16md + 30smd + 12sd²), and the quotient, at most d where the triangle is hit, by
+//! (e(|nx| + |ny|) + 58u(m + d)(m + sd)d)/|D|. Twice that and more is allowed, and 12uL for rounding depths, the ray's ends, and
+//! the `t` that is reported. (A search finds a fifth of the first, a twentieth of the second and a third of the last term.) Nor is
+//! a hit nearer than the nearest corner, or farther than the farthest.
 
 use kd_simd::{F32x8, LANES, Mask, Number, Simd};
 use kd_wide::Block;
@@ -57,6 +64,8 @@ pub(super) const TERMS: usize = 5;
 pub(super) const TERMS_FROM_APEX: usize = 2;
 
 const U: f32 = f32::EPSILON / 2.0;
+/// 6 u: e over L.
+const BLUR: f32 = 6.0 * U;
 
 /// Eight triangles, prepared for a tile.
 #[derive(Clone, Debug, Default)]
@@ -70,8 +79,6 @@ pub(super) struct Edges {
     /// The depths of the nearest and the farthest corner.
     nearest: [f32; LANES],
     farthest: [f32; LANES],
-    /// The largest difference of corners.
-    size: [f32; LANES],
     /// Of edge functions, for groups, and for rays.
     bound: [f32; LANES],
     bound_alone: [f32; LANES],
@@ -126,12 +133,10 @@ pub(super) fn prepare<S: Simd, const TERMS: usize>(
     let depth = a[2].abs().max(b[2].abs()).max(c[2].abs());
     let size = depth.mul_add(simd.splat(view.spread), across) + simd.splat(view.apart);
     let reach = size + depth;
-    let per_size = if TERMS > TERMS_FROM_APEX { 200.0 } else { 32.0 };
-    let per_reach = reach * simd.splat(80.0 * U);
-    let bound = size.mul_add(simd.splat(per_size * U), per_reach).mul_add(
-        reach.mul_add(simd.splat(8.0 * U), size),
-        simd.splat(f32::MIN_POSITIVE),
-    );
+    let error = reach * simd.splat(BLUR);
+    let bound = size
+        .mul_add(simd.splat(40.0 * U), error * simd.splat(8.0))
+        .mul_add(size + error, simd.splat(f32::MIN_POSITIVE));
     bound.store(&mut to.bound);
     let [x, y, z] = difference(simd, view, &rows[0], &rows[1]);
     let [p, q, r] = difference(simd, view, &rows[0], &rows[2]);
@@ -141,16 +146,10 @@ pub(super) fn prepare<S: Simd, const TERMS: usize>(
     }
     let across = x.abs().max(y.abs()).max(p.abs().max(q.abs()));
     let along = z.abs().max(r.abs());
-    // The third difference may be up to twice as large.
-    let most = across + across + along;
-    most.store(&mut to.size);
-    let error = reach * simd.splat(8.0 * U);
-    let blurred = most + error;
+    let both = across + along;
     if TERMS > TERMS_FROM_APEX {
-        let per_reach = reach * simd.splat(200.0 * U);
-        let bound = most.mul_add(simd.splat(80.0 * U), per_reach);
-        bound
-            .mul_add(blurred, simd.splat(f32::MIN_POSITIVE))
+        both.mul_add(simd.splat(20.0 * U), error * simd.splat(12.0))
+            .mul_add(both + error + error, simd.splat(f32::MIN_POSITIVE))
             .store(&mut to.bound_alone);
         for (corner, to) in [a, b, c].into_iter().zip(&mut to.corners) {
             corner[0].store(&mut to[0]);
@@ -164,11 +163,11 @@ pub(super) fn prepare<S: Simd, const TERMS: usize>(
         a[2].store(&mut to.corners[0][2]);
     }
     let flat = normal[0].abs() + normal[1].abs();
-    let both = across + along;
     // Underflow is less than the first term.
     let tiny = both.mul_add(simd.splat(f32::MIN_POSITIVE), simd.splat(f32::MIN_POSITIVE));
-    let cubed = (both * both * along).mul_add(simd.splat(128.0 * U), tiny);
-    (error * simd.splat(4.0))
+    let aside = along.mul_add(simd.splat(view.spread), across);
+    let cubed = (both * aside * along).mul_add(simd.splat(128.0 * U), tiny);
+    (error * simd.splat(2.0))
         .mul_add(flat, cubed)
         .store(&mut to.bound_depth);
     let rounding = reach * simd.splat(12.0 * U);
@@ -285,8 +284,36 @@ pub(super) fn sight<S: Simd, const TERMS: usize>(
     terms: &[S::F32; TERMS],
     [start, limit]: [S::F32; 2],
 ) -> Option<Sight<S::F32>> {
-    let is_apart = TERMS > TERMS_FROM_APEX;
-    let [a, b, c] = if is_apart {
+    let [a, b, c] = weights(simd, edges, lane, terms);
+    let bound = edges.bound_alone[lane];
+    let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+    let may_hit = simd.splat(-bound).le(least) | most.le(simd.splat(bound));
+    if may_hit.bits() == 0 {
+        return None;
+    }
+    let l = seen_from(simd, &edges.corners[0], lane, terms);
+    let is_inside = simd.splat(bound).lt(least) | most.lt(simd.splat(-bound));
+    let (depth, error) = depth(simd, edges, lane, terms, l);
+    // The depth of a triangle seen edge-on is NaN: its corners bound it.
+    let nearest = (depth - error).max(simd.splat(edges.nearest[lane]));
+    let farthest = (depth + error).min(simd.splat(edges.farthest[lane]));
+    Some(Sight {
+        may_hit: may_hit & nearest.le(limit) & start.le(farthest),
+        is_inside,
+        nearest,
+        farthest,
+    })
+}
+
+/// The edge functions of a triangle, opposite to corners a, b and c, for eight rays.
+#[inline(always)]
+fn weights<S: Simd, const TERMS: usize>(
+    simd: S,
+    edges: &Edges,
+    lane: usize,
+    terms: &[S::F32; TERMS],
+) -> [S::F32; 3] {
+    if TERMS > TERMS_FROM_APEX {
         let corner_a = seen_from(simd, &edges.corners[0], lane, terms);
         let corner_b = seen_from(simd, &edges.corners[1], lane, terms);
         let corner_c = seen_from(simd, &edges.corners[2], lane, terms);
@@ -301,39 +328,30 @@ pub(super) fn sight<S: Simd, const TERMS: usize>(
             edge(simd, edges, 1, lane, terms),
             edge(simd, edges, 2, lane, terms),
         ]
-    };
-    let bound = edges.bound_alone[lane];
-    let (least, most) = (a.min(b).min(c), a.max(b).max(c));
-    let may_hit = simd.splat(-bound).le(least) | most.le(simd.splat(bound));
-    if may_hit.bits() == 0 {
-        return None;
     }
-    let l = seen_from(simd, &edges.corners[0], lane, terms);
-    let mut is_inside = simd.splat(bound).lt(least) | most.lt(simd.splat(-bound));
-    if is_apart {
-        let far = l[0].abs().max(l[1].abs());
-        is_inside = is_inside & far.le(simd.splat(2.0 * edges.size[lane]));
-    }
+}
+
+/// The depths at which eight rays meet the plane of a triangle, and their bounds. `corner_a` is across from the rays.
+#[inline(always)]
+fn depth<S: Simd, const TERMS: usize>(
+    simd: S,
+    edges: &Edges,
+    lane: usize,
+    terms: &[S::F32; TERMS],
+    corner_a: [S::F32; 2],
+) -> (S::F32, S::F32) {
     let [x, y, z] = &edges.normal;
     let (x, y) = (simd.splat(x[lane]), simd.splat(y[lane]));
     let sum = x.mul_add(terms[0], y.mul_add(terms[1], simd.splat(z[lane])));
     let per_sum = simd.splat(1.0) / sum;
     // From the ray to corner a, so that the quotient is added.
-    let behind = x.mul_add(l[0], y * l[1]);
+    let behind = x.mul_add(corner_a[0], y * corner_a[1]);
     let depth = behind.mul_add(per_sum, simd.splat(edges.corners[0][2][lane]));
     let error = per_sum.abs().mul_add(
         simd.splat(edges.bound_depth[lane]),
         simd.splat(edges.rounding[lane]),
     );
-    // The depth of a triangle seen edge-on is NaN: its corners bound it.
-    let nearest = (depth - error).max(simd.splat(edges.nearest[lane]));
-    let farthest = (depth + error).min(simd.splat(edges.farthest[lane]));
-    Some(Sight {
-        may_hit: may_hit & nearest.le(limit) & start.le(farthest),
-        is_inside,
-        nearest,
-        farthest,
-    })
+    (depth, error)
 }
 
 /// The coordinates of a corner across, as eight rays see it.
@@ -354,6 +372,7 @@ fn seen_from<S: Simd, const TERMS: usize>(
     }
 }
 
+/// Not fused, so that its sign is right.
 #[inline(always)]
 fn cross<N: Number>(p: [N; 2], q: [N; 2]) -> N {
     p[0] * q[1] - p[1] * q[0]
@@ -374,3 +393,6 @@ fn edge<S: Simd, const TERMS: usize>(
     }
     sum
 }
+
+#[cfg(test)]
+mod bounds;

@@ -107,7 +107,7 @@ impl<S: TraceSimd, const ANY: bool, const TERMS: usize> Tracer<'_, S, ANY, TERMS
                 simd.load(&b[group]) + simd.splat(y),
             ];
             let range = [simd.load(&tile.start[group]), simd.load(&tile.limit[group])];
-            let is_met = meet_each(simd, &tile.view.apex, at, slope, range, &boxes);
+            let is_met = meet_each(simd, &tile.view, at, slope, range, &boxes);
             rays |= u64::from(is_met.bits()) << (group * LANES);
         }
         rays
