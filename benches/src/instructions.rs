@@ -1,4 +1,5 @@
-//! Instructions per ray: equal in every run of the same program, independent of the load of the machine.
+//! Instructions per ray: equal in every run of the same program, independent of the load of the machine. Those of batches vary a
+//! little, since a batch chooses its ways by measured times.
 //!
 //! valgrind runs this program for each scene, each kind of ray and each way to trace it, and counts the instructions inside one
 //! function.

@@ -1,12 +1,10 @@
 //! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest in a queue; or one by one,
 //! where a [race](super::race) shows that this is faster.
 
-use std::marker::PhantomData;
-
 use kd_core::{Hit, Ray};
 use kd_wide::WideTree;
 
-use super::queue;
+use super::queue::{self, Slots};
 use super::race::{Race, Stopwatch, Way};
 use super::scattered::Scattered;
 use super::subtree::Subtree;
@@ -78,7 +76,7 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
         tiles: Tiles::new(simd, tree),
         neighbors: Race::default(),
         turns: Race::default(),
-        query: PhantomData,
+        slots: None,
     };
     let mut scattered = Scattered::default();
     let mut others = Vec::new();
@@ -88,8 +86,9 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
         for ((rays, answers), start) in rays.chunks(RAYS).zip(answers.chunks_mut(RAYS)).zip(starts)
         {
             let may_be_tile = rays.len() >= FEWEST && !batch.neighbors.skips(1);
+            let clock = batch.neighbors.measures().then(Stopwatch::start);
             if may_be_tile && batch.tiles.gather(rays, SPREAD_OF_NEIGHBORS) {
-                batch.trace_neighbors(rays, answers);
+                batch.trace_neighbors(rays, answers, clock);
             } else {
                 others.extend((start..).take(rays.len()));
             }
@@ -100,7 +99,7 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
 }
 
 /// What the rays of a batch share.
-pub(super) struct Batch<'a, S: TraceSimd, Q> {
+pub(super) struct Batch<'a, S: TraceSimd, Q: Query> {
     simd: S,
     tree: &'a WideTree,
     pub(super) tiles: Tiles<'a, S>,
@@ -108,7 +107,7 @@ pub(super) struct Batch<'a, S: TraceSimd, Q> {
     neighbors: Race,
     /// Other rays in turns.
     turns: Race,
-    query: PhantomData<Q>,
+    slots: Option<Slots<S::Ray, Q>>,
 }
 
 impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
@@ -120,11 +119,21 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
         query.answer()
     }
 
-    /// Traces the rays that are gathered in a tile: as a tile, or one by one.
+    /// Traces the rays that are gathered in a tile: as a tile, or one by one. `clock` was started before they were gathered, if
+    /// the time is measured.
     #[inline(always)]
-    fn trace_neighbors(&mut self, rays: &[Ray], answers: &mut [Q::Answer]) {
-        let (way, is_measured) = self.neighbors.next();
-        let clock = is_measured.then(Stopwatch::start);
+    fn trace_neighbors(
+        &mut self,
+        rays: &[Ray],
+        answers: &mut [Q::Answer],
+        clock: Option<Stopwatch>,
+    ) {
+        let (way, _) = self.neighbors.next();
+        // Rays alone need not be gathered.
+        let clock = clock.map(|clock| match way {
+            Way::Together => clock,
+            Way::Alone => Stopwatch::start(),
+        });
         self.trace_gathered(way, rays, answers);
         if let Some(clock) = clock {
             self.neighbors.learn(way, clock.per_ray(rays.len()));
@@ -157,9 +166,9 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
             let places = numbers.iter().map(|number| *number as usize);
             match way {
                 Way::Together => {
-                    queue::trace(self.simd, self.tree, rays, places, |number, query: Q| {
-                        answers[number] = query.answer();
-                    });
+                    let take = |number: usize, query: Q| answers[number] = query.answer();
+                    let slots = self.slots.get_or_insert_with(Slots::new);
+                    queue::trace(self.simd, self.tree, rays, places, slots, take);
                 }
                 Way::Alone => {
                     for number in places {

@@ -28,6 +28,17 @@ const SLOTS: usize = 16;
 /// While more rays than this are at nodes, the others wait at their leaves.
 const FEW: usize = 4;
 
+/// The memory of active rays, which takes some time to make.
+pub(crate) struct Slots<R, C>(Box<[Slot<R, C>; SLOTS]>);
+
+impl<R: WideRay, C: Collect + Default> Slots<R, C> {
+    pub(crate) fn new() -> Self {
+        // By a vector, so that no array is made on the stack and copied.
+        let slots: Vec<_> = (0..SLOTS).map(|_| Slot::new()).collect();
+        Self(slots.try_into().ok().expect("as many"))
+    }
+}
+
 /// Traces the rays of these numbers, each with its own collector, which is passed to `take`, in any order.
 #[inline(always)]
 pub(crate) fn trace<S: TraceSimd, C: Search>(
@@ -35,9 +46,9 @@ pub(crate) fn trace<S: TraceSimd, C: Search>(
     tree: &WideTree,
     rays: &[Ray],
     numbers: impl Iterator<Item = usize>,
+    Slots(slots): &mut Slots<S::Ray, C>,
     take: impl FnMut(usize, C),
 ) {
-    let mut slots: [Slot<S::Ray, C>; SLOTS] = std::array::from_fn(|_| Slot::new());
     let mut waiting = Waiting {
         simd,
         tree,

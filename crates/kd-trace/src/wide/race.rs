@@ -38,7 +38,7 @@ enum State {
 const IN_A_ROW: u32 = 2;
 /// Groups to trace in the faster way after these, and at most.
 const SHORT: u32 = 16;
-const LONG: u32 = 128;
+const LONG: u32 = 512;
 /// A measurement is clear where one way takes longer by this factor.
 const CLEAR: f32 = 1.4;
 /// Rays together must be faster by this factor. (What is saved then is less than a wrong choice costs.)
@@ -61,13 +61,19 @@ impl Race {
         }
     }
 
-    /// Whether rays alone are faster, and this number of groups needs no measurement. Counts them as traced then.
+    /// Whether the time of the next group must be learned.
+    #[inline]
+    pub(super) fn measures(&self) -> bool {
+        !matches!(self.state, State::Pause(_))
+    }
+
+    /// Whether rays alone are faster, and the next group needs no measurement. Counts this number of groups as traced then.
     #[inline]
     pub(super) fn skips(&mut self, count: u32) -> bool {
         let is_alone = self.faster == Way::Alone;
         match &mut self.state {
-            State::Pause(groups) if *groups > count && is_alone => {
-                *groups -= count;
+            State::Pause(groups) if *groups > 1 && is_alone => {
+                *groups = groups.saturating_sub(count).max(1);
                 true
             }
             _ => false,
@@ -155,7 +161,7 @@ mod tests {
     #[test]
     fn the_faster_way_is_taken_and_both_are_measured_ever_more_seldom() {
         let slightly = [0, 1, 2, 3, 20, 21, 54, 55, 120, 121];
-        let clearly = [0, 1, 34, 35, 164, 165, 294, 295, 424, 425];
+        let clearly = [0, 1, 34, 35, 292, 293, 806, 807, 1320, 1321];
         for (together, alone, faster, expected) in [
             (1.2, 1.0, Way::Alone, slightly),
             (1.0, 1.2, Way::Together, slightly),
@@ -185,9 +191,9 @@ mod tests {
         let mut race = Race::default();
         assert!(!race.skips(1), "nothing is known");
         ways(&mut race, 2, slower(Way::Together));
-        assert!(!race.skips(2 * SHORT), "a measurement is among them");
-        assert!(race.skips(2 * SHORT - 1), "up to it");
-        assert!(!race.skips(1), "it is next");
+        assert!(race.skips(SHORT), "no measurement is due");
+        assert!(race.skips(2 * SHORT), "more than are left");
+        assert!(!race.skips(1), "one is left");
         assert_eq!(race.next(), (Way::Alone, false), "the last of the pause");
         assert_eq!(race.next(), (Way::Together, true), "the measurement");
         let mut race = Race::default();

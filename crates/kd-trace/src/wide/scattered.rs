@@ -10,13 +10,16 @@
 use kd_core::Ray;
 
 use super::batch::{Batch, FEWEST, Query};
-use super::race::{Race, Stopwatch};
+use super::race::{Race, Stopwatch, Way};
 use super::sorter::{Sorter, are_alike};
 use super::tile::RAYS;
 use crate::dispatch::TraceSimd;
 
 /// The fewest rays that are sorted.
 const FEWEST_SORTED: usize = 2 * RAYS;
+
+/// Rays that are sorted to measure whether that pays.
+const PROBE: usize = 1024;
 
 /// Pairs of rays that are compared, and the fewest coherent ones, more than one in eleven, in rays that are not random.
 const PAIRS: usize = 64;
@@ -50,12 +53,22 @@ impl Scattered {
         }
         self.is_done.clear();
         self.is_done.resize(rays.len(), false);
+        // Until it is known that tiles pay, a few rays are enough.
+        let sorted = if self.race.measures() {
+            numbers.len().min(PROBE)
+        } else {
+            numbers.len()
+        };
         let sorter = self.sorter.get_or_insert_with(Box::default);
         let mut found = [Q::Answer::default(); RAYS];
-        for run in sorter.runs(rays, numbers, RAYS) {
+        let clock = Stopwatch::start();
+        let runs = sorter.runs(rays, &numbers[..sorted], RAYS);
+        let sorting = clock.per_ray(sorted);
+        for run in runs {
             if run.len() < FEWEST || self.race.skips(1) {
                 continue;
             }
+            let clock = self.race.measures().then(Stopwatch::start);
             self.alike.clear();
             self.alike
                 .extend(run.iter().map(|number| rays[*number as usize]));
@@ -63,11 +76,20 @@ impl Scattered {
                 continue;
             }
             let found = &mut found[..run.len()];
-            let (way, is_measured) = self.race.next();
-            let clock = is_measured.then(Stopwatch::start);
+            let (way, _) = self.race.next();
+            // Rays alone need not be sorted and gathered.
+            let clock = clock.map(|clock| match way {
+                Way::Together => clock,
+                Way::Alone => Stopwatch::start(),
+            });
             batch.trace_gathered(way, &self.alike, found);
             if let Some(clock) = clock {
-                self.race.learn(way, clock.per_ray(run.len()));
+                let time = clock.per_ray(run.len());
+                let before = match way {
+                    Way::Together => sorting,
+                    Way::Alone => 0.0,
+                };
+                self.race.learn(way, before + time);
             }
             for (number, answer) in run.iter().zip(found) {
                 answers[*number as usize] = *answer;
