@@ -4,17 +4,18 @@
 //! the caches; where it gains nothing, rays are faster alone. A batch measures this: the answers are the same.
 
 /// A way to trace a group of rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Way {
     Together,
-    #[default]
     Alone,
 }
 
 /// Rays together against rays alone. Groups are traced in the faster way, but now and then both are measured: one group each,
 /// since rays that pass where others passed before find memory in the cache.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Race {
+    /// The most groups that are traced in the faster way until both are measured again.
+    longest: u32,
     /// The time of a ray, in nanoseconds: the mean of the last measurement and the mean before it.
     together: f32,
     alone: f32,
@@ -25,9 +26,8 @@ pub(super) struct Race {
     state: State,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 enum State {
-    #[default]
     MeasureTogether,
     MeasureAlone,
     /// Groups until the next measurement.
@@ -36,15 +36,26 @@ enum State {
 
 /// Rounds of measurements in a row: rays differ, so one group each says little.
 const IN_A_ROW: u32 = 2;
-/// Groups to trace in the faster way after these, and at most.
+/// Groups to trace in the faster way after these.
 const SHORT: u32 = 16;
-const LONG: u32 = 512;
 /// A measurement is clear where one way takes longer by this factor.
 const CLEAR: f32 = 1.4;
 /// Rays together must be faster by this factor. (What is saved then is less than a wrong choice costs.)
 const MARGIN: f32 = 1.05;
 
 impl Race {
+    /// Nothing is measured yet.
+    pub(super) fn new(longest: u32) -> Self {
+        Self {
+            longest,
+            together: 0.0,
+            alone: 0.0,
+            faster: Way::Alone,
+            rounds: 0,
+            state: State::MeasureTogether,
+        }
+    }
+
     /// How to trace the next group, and whether to [`learn`](Self::learn) its time.
     #[inline]
     pub(super) fn next(&mut self) -> (Way, bool) {
@@ -108,7 +119,7 @@ impl Race {
             self.rounds = 0;
         }
         if let Some(doublings) = self.rounds.checked_sub(IN_A_ROW) {
-            self.state = State::Pause(LONG.min(SHORT << doublings.min(8)));
+            self.state = State::Pause(self.longest.min(SHORT << doublings.min(8)));
         }
     }
 }
@@ -168,7 +179,7 @@ mod tests {
             (2.0, 1.0, Way::Alone, clearly),
             (1.0, 2.0, Way::Together, clearly),
         ] {
-            let mut race = Race::default();
+            let mut race = Race::new(512);
             let time = |way| {
                 if way == Way::Together {
                     together
@@ -188,7 +199,7 @@ mod tests {
     #[test]
     fn groups_are_skipped_while_rays_alone_are_faster() {
         let slower = |slow: Way| move |way| f32::from(1 + u8::from(way == slow));
-        let mut race = Race::default();
+        let mut race = Race::new(512);
         assert!(!race.skips(1), "nothing is known");
         ways(&mut race, 2, slower(Way::Together));
         assert!(race.skips(SHORT), "no measurement is due");
@@ -196,7 +207,7 @@ mod tests {
         assert!(!race.skips(1), "one is left");
         assert_eq!(race.next(), (Way::Alone, false), "the last of the pause");
         assert_eq!(race.next(), (Way::Together, true), "the measurement");
-        let mut race = Race::default();
+        let mut race = Race::new(512);
         ways(&mut race, 2, slower(Way::Alone));
         assert!(!race.skips(1), "rays together are faster");
     }
@@ -204,7 +215,7 @@ mod tests {
     #[test]
     fn a_change_is_noticed() {
         let slower = |slow: Way| move |way| f32::from(1 + u8::from(way == slow));
-        let mut race = Race::default();
+        let mut race = Race::new(512);
         ways(&mut race, 300, slower(Way::Alone));
         let (ways, _) = ways(&mut race, 1000, slower(Way::Together));
         assert_eq!(ways[999], Way::Alone);
@@ -212,7 +223,7 @@ mod tests {
 
     #[test]
     fn one_slow_group_among_others_changes_little() {
-        let mut race = Race::default();
+        let mut race = Race::new(512);
         let mut count = 0;
         let (ways, _) = ways(&mut race, 1000, |way| {
             count += 1;

@@ -26,7 +26,6 @@ const PAIRS: usize = 64;
 const FEWEST_ALIKE: usize = 6;
 
 /// The rays of one batch that are in no tile of neighbors, window by window.
-#[derive(Default)]
 pub(super) struct Scattered {
     sorter: Option<Box<Sorter>>,
     race: Race,
@@ -34,7 +33,20 @@ pub(super) struct Scattered {
     alike: Vec<Ray>,
 }
 
+/// Tiles until both ways are measured again, at most. Rays are sorted for that.
+const LONGEST: u32 = 512;
+
 impl Scattered {
+    /// No rays yet.
+    pub(super) fn new() -> Self {
+        Self {
+            sorter: None,
+            race: Race::new(LONGEST),
+            is_done: Vec::new(),
+            alike: Vec::new(),
+        }
+    }
+
     /// Traces coherent rays as tiles while that pays, and removes them from `numbers`.
     #[inline(always)]
     pub(super) fn trace<S: TraceSimd, Q: Query>(
