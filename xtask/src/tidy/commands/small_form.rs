@@ -303,8 +303,8 @@ fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
             words.next();
         } else if word.starts_with("--growth") && name == "builds" {
             call.push("--growth=20000".into());
-        } else if word == "--scene" && rest.contains(&"grid-table") {
-            // Its smoke has scenes of its own.
+        } else if word == "--scene" && (rest.contains(&"grid-table") || name == "instructions") {
+            // The smoke of one has scenes of its own; to count in one scene takes a minute.
             words.next();
         } else if name == "report" || name == "compare" {
             call.push(LATEST_RUN.into());
@@ -330,7 +330,7 @@ fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
         call.push("--check".into());
     }
     if name == "instructions" && !has(&call, "--json") {
-        // One form for all: each takes a minute.
+        // One form for all.
         call.extend(owned(&["--json", "record.jsonl"]));
     }
     if options.out && !has(&call, "--out") && !is_help {
@@ -387,6 +387,10 @@ mod tests {
             ),
             (
                 "cargo xtask instructions",
+                "xtask instructions --json record.jsonl",
+            ),
+            (
+                "cargo xtask instructions --scene a,b",
                 "xtask instructions --json record.jsonl",
             ),
             ("cargo xtask rays --help", "xtask rays --help --smoke"),
