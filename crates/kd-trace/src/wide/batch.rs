@@ -20,7 +20,7 @@ const IN_TURN: usize = 512;
 const FEWEST_IN_TURN: usize = 64;
 
 /// Tiles and groups in turns until both ways are measured again, at most. (Neighbors differ from one part of a picture to the
-/// next: with 512 tiles, shadow rays took twice as long in one of seven scenes.)
+/// next: with 512 tiles, shadow rays took twice as long in one of seven scenes. `cargo xtask rays --scenes DIR`, 2026-11-30.)
 const NEIGHBORS: u32 = 64;
 const TURNS: u32 = 256;
 
@@ -133,7 +133,7 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
         answers: &mut [Q::Answer],
         clock: Option<Stopwatch>,
     ) {
-        let (way, _) = self.neighbors.next();
+        let way = self.neighbors.next();
         // Rays alone need not be gathered.
         let clock = clock.map(|clock| match way {
             Way::Together => clock,
@@ -162,12 +162,13 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     #[inline(always)]
     fn trace_rest(&mut self, rays: &[Ray], numbers: &[u32], answers: &mut [Q::Answer]) {
         for numbers in numbers.chunks(IN_TURN) {
-            let (way, is_measured) = if numbers.len() < FEWEST_IN_TURN {
-                (Way::Alone, false)
-            } else {
+            let is_race = numbers.len() >= FEWEST_IN_TURN;
+            let clock = (is_race && self.turns.measures()).then(Stopwatch::start);
+            let way = if is_race {
                 self.turns.next()
+            } else {
+                Way::Alone
             };
-            let clock = is_measured.then(Stopwatch::start);
             let places = numbers.iter().map(|number| *number as usize);
             match way {
                 Way::Together => {

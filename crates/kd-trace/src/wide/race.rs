@@ -56,23 +56,23 @@ impl Race {
         }
     }
 
-    /// How to trace the next group, and whether to [`learn`](Self::learn) its time.
+    /// How to trace the next group.
     #[inline]
-    pub(super) fn next(&mut self) -> (Way, bool) {
+    pub(super) fn next(&mut self) -> Way {
         match &mut self.state {
-            State::MeasureTogether => (Way::Together, true),
-            State::MeasureAlone => (Way::Alone, true),
+            State::MeasureTogether => Way::Together,
+            State::MeasureAlone => Way::Alone,
             State::Pause(groups) => {
                 *groups -= 1;
                 if *groups == 0 {
                     self.state = State::MeasureTogether;
                 }
-                (self.faster, false)
+                self.faster
             }
         }
     }
 
-    /// Whether the time of the next group must be learned.
+    /// Whether to [`learn`](Self::learn) the time of the next group.
     #[inline]
     pub(super) fn measures(&self) -> bool {
         !matches!(self.state, State::Pause(_))
@@ -159,7 +159,8 @@ mod tests {
     ) -> (Vec<Way>, Vec<usize>) {
         let mut measured = Vec::new();
         let ways = (0..groups).map(|group| {
-            let (way, is_measured) = race.next();
+            let is_measured = race.measures();
+            let way = race.next();
             if is_measured {
                 measured.push(group);
                 race.learn(way, time(way));
@@ -209,8 +210,8 @@ mod tests {
         assert!(race.skips(SHORT), "no measurement is due");
         assert!(race.skips(2 * SHORT), "more than are left");
         assert!(!race.skips(1), "one is left");
-        assert_eq!(race.next(), (Way::Alone, false), "the last of the pause");
-        assert_eq!(race.next(), (Way::Together, true), "the measurement");
+        assert_eq!(race.next(), Way::Alone, "the last of the pause");
+        assert!(race.measures(), "then both ways");
         let mut race = Race::new(512);
         ways(&mut race, 3, slower(Way::Alone));
         assert!(!race.skips(1), "rays together are faster");

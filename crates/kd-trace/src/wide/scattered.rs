@@ -88,7 +88,7 @@ impl Scattered {
                 continue;
             }
             let found = &mut found[..run.len()];
-            let (way, _) = self.race.next();
+            let way = self.race.next();
             // Rays alone need not be sorted and gathered.
             let clock = clock.map(|clock| match way {
                 Way::Together => clock,
