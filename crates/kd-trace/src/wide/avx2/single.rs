@@ -41,8 +41,6 @@ pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, pro
         Prepared::Usual(nodes) => {
             let mut query = Closest {
                 simd,
-                limit: nodes.end,
-                limit_depth: f32::INFINITY,
                 sure: None,
                 first: f32::INFINITY,
                 best: NO_HIT,
@@ -74,8 +72,6 @@ pub(super) fn any<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: 
         Prepared::Usual(nodes) => {
             let mut query = Any {
                 simd,
-                limit: nodes.end,
-                limit_depth: f32::INFINITY,
                 is_hit: false,
             };
             trace(subtree, &numbers, &nodes, &mut query, probe);
@@ -99,12 +95,7 @@ pub(super) fn collect<C: Collect, P: Probe>(
         Prepared::Miss => {}
         Prepared::Unusual => trace_unusual(subtree, ray, collector, probe),
         Prepared::Usual(nodes) => {
-            let mut query = Collecting {
-                simd,
-                limit: nodes.end,
-                limit_depth: f32::INFINITY,
-                collector,
-            };
+            let mut query = Collecting { simd, collector };
             trace(subtree, &numbers, &nodes, &mut query, probe);
         }
     }
@@ -129,19 +120,21 @@ trait Query<'a> {
     /// Whether the first hit found ends the search.
     const ANY: bool;
 
-    /// Where the ray ends, in steps.
-    fn limit(&self) -> f32;
-
-    /// Before the first leaf.
-    fn begin_leaves(&mut self, ray: &TriangleRay);
-
-    /// Tests the triangles of a block. Breaks if no other hit can matter.
+    /// Tests the triangles of a block up to a limit, and lowers the limit. Breaks if no other hit can matter.
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
         block: &'a Block,
+        limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()>;
+}
+
+/// No hit behind it matters.
+struct Limit {
+    steps: f32,
+    /// Unknown before the first leaf.
+    depth: f32,
 }
 
 /// The traversal loop. Returns the ray as it was prepared for triangles, if it met some.
@@ -155,6 +148,10 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
     probe: &mut P,
 ) -> Option<TriangleRay> {
     let rows = nodes.rows;
+    let mut limit = Limit {
+        steps: nodes.end,
+        depth: f32::INFINITY,
+    };
     let mut triangles = None;
     let mut stack = Stack::new();
     let mut pending = stack.pending();
@@ -164,20 +161,20 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
         if !child.is_leaf() {
             // Loaded again after each leaf: its triangles need the registers.
             let axes = opaque(nodes).broadcast();
-            let limit = _mm256_set1_ps(query.limit());
+            let most = _mm256_set1_ps(limit.steps);
             loop {
                 probe.node();
                 // SAFETY: the child of a subtree or of a node, and no leaf.
                 let node = unsafe { tree.node(child) };
                 let before = pending.len();
                 let entered = if Q::ANY {
-                    enter::<true>(node, rows, &axes, limit, &mut pending)
+                    enter::<true>(node, rows, &axes, most, &mut pending)
                 } else {
-                    enter::<false>(node, rows, &axes, limit, &mut pending)
+                    enter::<false>(node, rows, &axes, most, &mut pending)
                 };
                 let next = match entered {
                     None if Q::ANY => pending.pop_any(),
-                    None => pending.pop(query.limit()),
+                    None => pending.pop(limit.steps),
                     next => {
                         // The one after `next`. (To load all of them took 2 to 5 % longer
                         // in eight scenes; throw-away program, 2026-11-30.)
@@ -199,20 +196,23 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
         probe.leaf(|| blocks.iter().map(Block::count).sum());
         let ray = triangles.get_or_insert_with(|| {
             let ray = TriangleRay::new(numbers, tree.frame());
-            query.begin_leaves(&ray);
+            limit.depth = limit.steps * ray.speed;
             ray
         });
         for block in blocks {
             probe.block();
             // Each block loads the numbers of the ray again: in registers they would leave none for the triangles.
-            if query.visit(opaque(ray), block, probe).is_break() {
+            if query
+                .visit(opaque(ray), block, &mut limit, probe)
+                .is_break()
+            {
                 return triangles;
             }
         }
         let next = if Q::ANY {
             pending.pop_any()
         } else {
-            pending.pop(query.limit())
+            pending.pop(limit.steps)
         };
         let Some(next) = next else { return triangles };
         child = next;
@@ -222,9 +222,6 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
 /// The closest hit.
 struct Closest<'a> {
     simd: Avx2,
-    /// No hit behind these matters: in steps, and as a depth.
-    limit: f32,
-    limit_depth: f32,
     /// A triangle that is surely hit, before `best` and at `first` or behind it.
     sure: Option<(&'a Block, usize)>,
     first: f32,
@@ -236,24 +233,15 @@ impl<'a> Query<'a> for Closest<'a> {
     const ANY: bool = false;
 
     #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.limit
-    }
-
-    #[inline(always)]
-    fn begin_leaves(&mut self, ray: &TriangleRay) {
-        self.limit_depth = self.limit * ray.speed;
-    }
-
-    #[inline(always)]
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
         block: &'a Block,
+        limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, block, probe) };
+        unsafe { self.visit(ray, block, limit, probe) };
         ControlFlow::Continue(())
     }
 }
@@ -261,8 +249,14 @@ impl<'a> Query<'a> for Closest<'a> {
 impl<'a> Closest<'a> {
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
-    fn visit<P: Probe>(&mut self, ray: &TriangleRay, block: &'a Block, probe: &mut P) {
-        let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &TriangleRay,
+        block: &'a Block,
+        limit: &mut Limit,
+        probe: &mut P,
+    ) {
+        let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
             return;
         };
         let candidates = candidates.in_front();
@@ -274,15 +268,15 @@ impl<'a> Closest<'a> {
             if candidates.sure != 0 && last < self.first {
                 self.sure = Some((block, lane));
                 self.first = first;
-                self.limit_depth = last;
+                limit.depth = last;
                 // Two roundings: the bound between planes and hits has room for them.
-                self.limit = last * ray.per_depth;
+                limit.steps = last * ray.per_depth;
                 return;
             }
             let is_known = self
                 .sure
                 .is_some_and(|(other, l)| other.triangles[l] == block.triangles[lane])
-                && (first == self.first) & (last == self.limit_depth);
+                && (first == self.first) & (last == limit.depth);
             if is_known {
                 return;
             }
@@ -292,9 +286,9 @@ impl<'a> Closest<'a> {
         self.sure = None;
         self.first = f32::INFINITY;
         // False for `NO_HIT`.
-        if self.best.t <= self.limit {
-            self.limit = self.best.t;
-            self.limit_depth = min(self.limit_depth, self.best.t * ray.speed);
+        if self.best.t <= limit.steps {
+            limit.steps = self.best.t;
+            limit.depth = min(limit.depth, self.best.t * ray.speed);
         }
     }
 }
@@ -331,8 +325,6 @@ fn decide_closest(
 /// Any hit.
 struct Any {
     simd: Avx2,
-    limit: f32,
-    limit_depth: f32,
     is_hit: bool,
 }
 
@@ -340,24 +332,15 @@ impl<'a> Query<'a> for Any {
     const ANY: bool = true;
 
     #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.limit
-    }
-
-    #[inline(always)]
-    fn begin_leaves(&mut self, ray: &TriangleRay) {
-        self.limit_depth = self.limit * ray.speed;
-    }
-
-    #[inline(always)]
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
         block: &'a Block,
+        limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, block, probe) }
+        unsafe { self.visit(ray, block, limit, probe) }
     }
 }
 
@@ -368,9 +351,10 @@ impl Any {
         &mut self,
         ray: &TriangleRay,
         block: &Block,
+        limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
-        let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
+        let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
             return ControlFlow::Continue(());
         };
         if candidates.sure != 0 {
@@ -387,8 +371,6 @@ impl Any {
 /// Every hit that a collector may want.
 struct Collecting<'c, C> {
     simd: Avx2,
-    limit: f32,
-    limit_depth: f32,
     collector: &'c mut C,
 }
 
@@ -396,24 +378,15 @@ impl<'a, C: Collect> Query<'a> for Collecting<'_, C> {
     const ANY: bool = C::ANY;
 
     #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.limit
-    }
-
-    #[inline(always)]
-    fn begin_leaves(&mut self, ray: &TriangleRay) {
-        self.limit_depth = self.limit * ray.speed;
-    }
-
-    #[inline(always)]
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
         block: &'a Block,
+        limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, block, probe) }
+        unsafe { self.visit(ray, block, limit, probe) }
     }
 }
 
@@ -424,14 +397,15 @@ impl<C: Collect> Collecting<'_, C> {
         &mut self,
         ray: &TriangleRay,
         block: &Block,
+        limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
-        let Some(candidates) = candidates::<(Self, P)>(ray, block, self.limit_depth) else {
+        let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
             return ControlFlow::Continue(());
         };
         ray.take_each(self.simd, block, candidates.lanes, self.collector, probe)?;
-        self.limit = min(self.collector.limit(), self.limit);
-        self.limit_depth = self.limit * ray.speed;
+        limit.steps = min(self.collector.limit(), limit.steps);
+        limit.depth = limit.steps * ray.speed;
         ControlFlow::Continue(())
     }
 }
