@@ -27,7 +27,7 @@ const FEW: usize = 8;
 /// An object split replaces a plane that costs more than one over this as much.
 ///
 /// (At 0.9, rays take 1 to 8 % longer in a cathedral. Without object splits, AO rays take 25 % longer in a game level with huge
-/// walls. `cargo xtask rays --scenes DIR --scene sibenik,czest2ctf`, 2026-11-30.)
+/// walls. Throw-away program; `cargo xtask rays --scenes DIR --scene sibenik,czest2ctf` measures the same scenes, 2026-11-30.)
 const CHEAPER: f64 = 0.5;
 /// Object splits on a path before items are divided in halves by number.
 pub(crate) const MOST_DIVISIONS: usize = 32;
