@@ -14,50 +14,32 @@ use kd_wide::WideTree;
 use crate::binary::packed::PackedTree;
 use crate::binary::walk::{self, Begin};
 use crate::collect::{Any, Closest, Collect, keep_first};
-use crate::planes::Frame;
 use crate::probe::Probe;
 use crate::wide;
+use crate::wide::batch_ray::BatchRay;
 use crate::wide::subtree::Subtree;
-use crate::wide::walk::WideRay;
 
 /// A set of instructions that wide nodes are traced with.
 pub(crate) trait TraceSimd: Simd {
-    /// A ray, prepared for wide nodes and blocks.
-    type Ray: WideRay;
-
-    /// Prepares a ray for a tree with this frame, to traverse in turns with others; `None` for a ray that is traced alone, or that
-    /// cannot hit anything.
-    fn prepare(self, ray: &Ray, frame: &Frame) -> Option<Self::Ray>;
+    /// A ray of many that looks for its closest hit.
+    type ClosestInBatch<'a>: BatchRay<'a, Self, Answer = Option<Hit>>;
+    /// A ray of many that looks for any hit.
+    type AnyInBatch<'a>: BatchRay<'a, Self, Answer = bool>;
 
     /// Gives the collector every hit of one ray that it may want, roughly front to back.
-    #[inline(always)]
     fn collect<C: Collect, P: Probe>(
         self,
         subtree: Subtree<'_>,
         ray: &Ray,
         collector: &mut C,
         probe: &mut P,
-    ) {
-        if let Some(ray) = self.prepare(ray, subtree.tree().frame()) {
-            wide::walk::walk(subtree, &ray, collector, probe);
-        }
-    }
+    );
 
     /// The closest hit of one ray, or [`NO_HIT`].
-    #[inline(always)]
-    fn closest<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
-        let mut closest = Closest::default();
-        self.collect(subtree, ray, &mut closest, probe);
-        closest.0.unwrap_or(NO_HIT)
-    }
+    fn closest<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit;
 
     /// Whether one ray hits anything.
-    #[inline(always)]
-    fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
-        let mut any = Any::default();
-        self.collect(subtree, ray, &mut any, probe);
-        any.0
-    }
+    fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool;
 }
 
 /// A query of one ray, as the collector of its answer.

@@ -60,7 +60,7 @@
 //! | `triangle.rs`, `decision.rs` | the triangle test: early rejection in f32, the decision in f64 |
 //! | `planes.rs` | crossings of planes and boxes, with the bound of their errors |
 //! | `binary/` | traversal of 8-byte nodes: one ray at a time |
-//! | `wide/` | traversal of wide nodes: single rays, packets, tiles, queues |
+//! | `wide/` | traversal of wide nodes: single rays, packets, tiles, streams, queues |
 //! | `dispatch.rs` | the entries of traversals of both layouts, compiled for each level |
 //! | `collect.rs`, `ray_query.rs` | which hits a query keeps; the query trait |
 //! | `brute_force.rs` | every triangle, one by one |

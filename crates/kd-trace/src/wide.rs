@@ -5,6 +5,7 @@
 //! eight rays    packet: coherent lanes traverse together
 //! many rays     batch ─▶ tile: up to 64 coherent neighbors traverse together
 //!                    ├─▶ scattered ─▶ sorter ─▶ tile: coherent rays that are not neighbors
+//!                    ├─▶ stream: incoherent rays, sorted into the children of each node
 //!                    ├─▶ queue: incoherent rays, sixteen at a time, in turns
 //!                    └─▶ one by one, where a race shows that this is faster
 //! ```
@@ -14,6 +15,7 @@
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 pub(crate) mod batch;
+pub(crate) mod batch_ray;
 mod eight;
 mod limits;
 pub(crate) mod packet;
@@ -23,6 +25,7 @@ mod race;
 mod scattered;
 mod sorter;
 mod stack;
+mod stream;
 pub(crate) mod subtree;
 mod tile;
 pub(crate) mod walk;
@@ -38,7 +41,8 @@ use crate::dispatch::{
 use crate::ray_query::RayQuery;
 
 /// Batches detect coherent rays: runs of 64, from the first ray on, are traced together while they stay together. Other rays
-/// are sorted into coherent groups while that pays, and the rest is traced sixteen at a time, in turns. Each of these ways is
+/// are sorted into coherent groups while that pays, and the rest is traced as streams, which are sorted
+/// into the children of each node. Each of these ways is
 /// timed against single rays on the way, and used where it is faster. In a packet, rays that
 /// move most on the same axis, with the same signs on all axes, traverse together.
 impl RayQuery for WideTree {

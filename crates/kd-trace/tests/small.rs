@@ -115,6 +115,17 @@ fn every_way_to_ask_gives_the_same_answers() {
             wide.occluded_batch(&rays[range.clone()], &mut occluded);
             assert_eq!(occluded, any[range], "{level}, in batches");
         }
+        // Under Miri enough rays for each way of a batch: as streams, in turns and one by one.
+        let repeated = |i: usize| 2 * tile + i * 7 % (rays.len() - 2 * tile);
+        let many: Vec<Ray> = (0..5 * 64).map(|i| rays[repeated(i)]).collect();
+        let mut hits = vec![None; many.len()];
+        wide.intersect_batch(&many, &mut hits);
+        let mut occluded = vec![false; many.len()];
+        wide.occluded_batch(&many, &mut occluded);
+        for i in 0..many.len() {
+            assert_eq!(hits[i], expected[repeated(i)], "{level}, in a large batch");
+            assert_eq!(occluded[i], any[repeated(i)], "{level}, in a large batch");
+        }
         for (i, rays) in rays.chunks(8).enumerate() {
             let packet = RayPacket8::new(rays);
             assert_eq!(

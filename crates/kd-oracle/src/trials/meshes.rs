@@ -146,7 +146,7 @@ pub fn scales_and_offsets(subject: &Subject) {
 }
 
 /// Triangles as large as every power of two, with smaller ones beside them: rays from near and far, alone, in a tile, in packets
-/// and in a queue.
+/// and in a stream.
 #[track_caller]
 pub fn every_power_of_two(subject: &Subject) {
     /// Coherent rays, and as many others.

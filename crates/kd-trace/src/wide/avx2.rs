@@ -4,7 +4,7 @@
 //! numbers of a ray ─▶ nodes       a ray for nodes: which boxes it meets, what it pushes
 //!                  └▶ triangles   a ray for blocks: which triangles it may hit, at which depths
 //! single            both in one loop, for one ray alone
-//! Avx2Ray           both prepared at once, for rays that traverse in turns
+//! batch             a ray among others: one node for many rays, or one step of many
 //! ```
 //!
 //! `unsafe` code is here for two reasons: an instruction of AVX2 or FMA, which an [`Avx2`] proves to exist, or a read of eight
@@ -18,38 +18,28 @@
     reason = "nearly every line is an instruction, or an address and a load; each block says what makes it safe"
 )]
 
+mod batch;
 mod nodes;
 mod single;
 mod triangles;
 
-use std::arch::x86_64::_mm256_set1_ps;
-use std::ops::ControlFlow;
-
 use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
-use kd_wide::{Block, Child, WIDTH, WideNode};
+use kd_wide::WIDTH;
 
-use super::stack::Pending;
 use super::subtree::Subtree;
-use super::walk::WideRay;
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
-use crate::planes::Frame;
 use crate::probe::Probe;
-use nodes::{NodeRay, Numbers, Prepared};
-use triangles::{TriangleRay, candidates};
+use batch::Avx2BatchRay;
+use single::{Any, Closest};
 
 /// Bytes of a row of a node or a block.
 const ROW: usize = 4 * WIDTH;
 
 impl TraceSimd for Avx2 {
-    type Ray = Avx2Ray;
-
-    #[inline(always)]
-    fn prepare(self, ray: &Ray, frame: &Frame) -> Option<Avx2Ray> {
-        // SAFETY: `self` proves that the processor has AVX2.
-        unsafe { Avx2Ray::new(self, ray, frame) }
-    }
+    type ClosestInBatch<'a> = Avx2BatchRay<Closest<'a>>;
+    type AnyInBatch<'a> = Avx2BatchRay<Any>;
 
     #[inline(always)]
     fn collect<C: Collect, P: Probe>(
@@ -73,102 +63,6 @@ impl TraceSimd for Avx2 {
     fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { single::any(self, subtree, ray, probe) }
-    }
-}
-
-/// A usual ray, prepared for nodes and triangles at once.
-pub(crate) struct Avx2Ray {
-    /// The proof that the processor has AVX2.
-    simd: Avx2,
-    nodes: NodeRay,
-    triangles: TriangleRay,
-}
-
-impl Avx2Ray {
-    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-    #[inline]
-    fn new(simd: Avx2, ray: &Ray, frame: &Frame) -> Option<Self> {
-        let numbers = Numbers::of(ray);
-        match NodeRay::usual(&numbers, frame) {
-            Prepared::Usual(nodes) => Some(Self {
-                simd,
-                nodes,
-                triangles: TriangleRay::new(&numbers, frame),
-            }),
-            Prepared::Unusual | Prepared::Miss => None,
-        }
-    }
-
-    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-    #[inline]
-    fn visit<C: Collect, P: Probe>(
-        &self,
-        blocks: &[Block],
-        limit: f32,
-        collector: &mut C,
-        probe: &mut P,
-    ) -> ControlFlow<()> {
-        let ray = &self.triangles;
-        for block in blocks {
-            probe.block();
-            let Some(candidates) = candidates::<(C, P)>(ray, block, limit * ray.speed) else {
-                continue;
-            };
-            if C::ANY && candidates.sure != 0 {
-                collector.take_any();
-                return ControlFlow::Break(());
-            }
-            ray.take_each(self.simd, block, candidates.lanes, collector, probe)?;
-        }
-        ControlFlow::Continue(())
-    }
-}
-
-impl WideRay for Avx2Ray {
-    #[inline(always)]
-    fn end(&self) -> f32 {
-        self.nodes.end
-    }
-
-    #[inline(always)]
-    fn steps(&self, t: f32) -> f32 {
-        t
-    }
-
-    #[inline(always)]
-    fn enter<const ANY: bool>(
-        &self,
-        node: &WideNode,
-        limit: f32,
-        pending: &mut Pending<'_>,
-    ) -> Option<Child> {
-        // SAFETY: there is an `Avx2`.
-        unsafe {
-            let axes = self.nodes.broadcast();
-            nodes::enter::<ANY>(node, self.nodes.rows, &axes, _mm256_set1_ps(limit), pending)
-        }
-    }
-
-    #[inline(always)]
-    fn enter_or_pop(&self, node: &WideNode, limit: f32, pending: &mut Pending<'_>) -> Child {
-        // SAFETY: there is an `Avx2`.
-        unsafe {
-            let axes = self.nodes.broadcast();
-            nodes::enter_or_pop(node, self.nodes.rows, &axes, _mm256_set1_ps(limit), pending)
-        }
-    }
-
-    /// Not inlined: the loop around it would keep the constants of triangles on its stack.
-    #[inline(never)]
-    fn visit<C: Collect, P: Probe>(
-        &self,
-        blocks: &[Block],
-        limit: f32,
-        collector: &mut C,
-        probe: &mut P,
-    ) -> ControlFlow<()> {
-        // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(blocks, limit, collector, probe) }
     }
 }
 

@@ -1,12 +1,14 @@
-//! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest in a queue; or one by one,
+//! Batches: coherent neighbors as tiles, then coherent rays among the others as tiles, and the rest as a stream; or one by one,
 //! where a [race](super::race) shows that this is faster.
 
 use kd_core::{Hit, Ray};
 use kd_wide::WideTree;
 
-use super::queue::{self, Slots};
+use super::batch_ray::BatchRay;
+use super::queue::Queue;
 use super::race::{Race, Stopwatch, Way};
 use super::scattered::Scattered;
+use super::stream::Stream;
 use super::subtree::Subtree;
 use super::tile::{RAYS, Tiles};
 use crate::collect::{Any, Closest};
@@ -15,14 +17,22 @@ use crate::dispatch::{Search, TraceSimd};
 /// The fewest rays of a tile. Fewer take longer than one by one.
 pub(super) const FEWEST: usize = 16;
 
-/// The rays of a queue, and the fewest. Near its end few rays are active.
-const IN_TURN: usize = 512;
-const FEWEST_IN_TURN: usize = 64;
+/// The rays of a stream, and the fewest. More rays share more nodes, and need more memory.
+/// (As few under Miri, which is slow, so that a small batch is traced in all ways.)
+const IN_STREAM: usize = if cfg!(miri) { FEWEST_IN_STREAM } else { 1024 };
+const FEWEST_IN_STREAM: usize = 64;
 
-/// Tiles and groups in turns until both ways are measured again, at most. (Neighbors differ from one part of a picture to the
-/// next: with 512 tiles, shadow rays took twice as long in one of seven scenes. `cargo xtask rays --scenes DIR`, 2026-11-30.)
+/// The rays of other groups: enough for a measurement.
+const APART: usize = if cfg!(miri) { FEWEST_IN_STREAM } else { 256 };
+
+/// Ways of tiles, and of other rays.
+pub(super) const AS_TILES: &[Way] = &[Way::Together, Way::Alone];
+const TOGETHER_OR_IN_TURNS: &[Way] = &[Way::Together, Way::InTurns, Way::Alone];
+
+/// Groups until all ways are measured again, at most. (Neighbors differ from one part of a picture to the next: with 512 tiles,
+/// shadow rays took twice as long in one of seven scenes. `cargo xtask rays --scenes DIR`, 2026-11-30.)
 const NEIGHBORS: u32 = 64;
-const TURNS: u32 = 256;
+const OTHERS: u32 = 128;
 
 /// Rays that are sorted together.
 const WINDOW: usize = 4096;
@@ -34,8 +44,9 @@ const SPREAD_OF_NEIGHBORS: f32 = 0.25;
 /// A query, as the collector of its answer.
 pub(crate) trait Query: Search {
     type Answer: Copy + Default;
+    type InBatch<'a, S: TraceSimd>: BatchRay<'a, S, Answer = Self::Answer>;
 
-    fn answer(self) -> Self::Answer;
+    fn answer(&self) -> Self::Answer;
 
     /// Answers the rays that are gathered in a tile.
     fn trace<S: TraceSimd>(tiles: &mut Tiles<'_, S>, rays: &[Ray], answers: &mut [Self::Answer]);
@@ -43,8 +54,10 @@ pub(crate) trait Query: Search {
 
 impl Query for Closest {
     type Answer = Option<Hit>;
+    type InBatch<'a, S: TraceSimd> = S::ClosestInBatch<'a>;
 
-    fn answer(self) -> Option<Hit> {
+    #[inline(always)]
+    fn answer(&self) -> Option<Hit> {
         self.0
     }
 
@@ -56,8 +69,10 @@ impl Query for Closest {
 
 impl Query for Any {
     type Answer = bool;
+    type InBatch<'a, S: TraceSimd> = S::AnyInBatch<'a>;
 
-    fn answer(self) -> bool {
+    #[inline(always)]
+    fn answer(&self) -> bool {
         self.0
     }
 
@@ -79,9 +94,10 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
         simd,
         tree,
         tiles: Tiles::new(simd, tree),
-        neighbors: Race::new(NEIGHBORS),
-        turns: Race::new(TURNS),
-        slots: None,
+        neighbors: Race::new(AS_TILES, NEIGHBORS),
+        others: Race::new(TOGETHER_OR_IN_TURNS, OTHERS),
+        stream: Stream::new(),
+        queue: Queue::new(),
     };
     let mut scattered = Scattered::new();
     let mut others = Vec::new();
@@ -110,18 +126,20 @@ pub(super) struct Batch<'a, S: TraceSimd, Q: Query> {
     pub(super) tiles: Tiles<'a, S>,
     /// Coherent neighbors as tiles.
     neighbors: Race,
-    /// Other rays in turns.
-    turns: Race,
-    slots: Option<Slots<S::Ray, Q>>,
+    /// Other rays as streams, or in turns.
+    others: Race,
+    stream: Stream<NodesOf<'a, S, Q>, Q::InBatch<'a, S>>,
+    queue: Queue<NodesOf<'a, S, Q>, Q::InBatch<'a, S>>,
 }
+
+/// What a ray of a query needs at nodes.
+type NodesOf<'a, S, Q> = <<Q as Query>::InBatch<'a, S> as BatchRay<'a, S>>::Nodes;
 
 impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     /// Answers one ray.
     #[inline(always)]
-    pub(super) fn answer(&self, ray: &Ray) -> Q::Answer {
-        let mut query = Q::default();
-        query.search(self.simd, Subtree::whole(self.tree), ray, &mut ());
-        query.answer()
+    fn answer(&self, ray: &Ray) -> Q::Answer {
+        one::<S, Q>(self.simd, self.tree, ray)
     }
 
     /// Traces the rays that are gathered in a tile: as a tile, or one by one. `clock` was started before they were gathered, if
@@ -137,11 +155,11 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
         // Rays alone need not be gathered.
         let clock = clock.map(|clock| match way {
             Way::Together => clock,
-            Way::Alone => Stopwatch::start(),
+            Way::InTurns | Way::Alone => Stopwatch::start(),
         });
         self.trace_gathered(way, rays, answers);
         if let Some(clock) = clock {
-            self.neighbors.learn(way, clock.per_ray(rays.len()));
+            self.neighbors.learn(clock.per_ray(rays.len()));
         }
     }
 
@@ -150,7 +168,7 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     pub(super) fn trace_gathered(&mut self, way: Way, rays: &[Ray], answers: &mut [Q::Answer]) {
         match way {
             Way::Together => Q::trace(&mut self.tiles, rays, answers),
-            Way::Alone => {
+            Way::InTurns | Way::Alone => {
                 for (ray, answer) in rays.iter().zip(answers) {
                     *answer = self.answer(ray);
                 }
@@ -158,33 +176,45 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
         }
     }
 
-    /// Traces rays that are in no tile: in turns, or one by one.
+    /// Traces rays that are in no tile: as streams, or one by one.
     #[inline(always)]
     fn trace_rest(&mut self, rays: &[Ray], numbers: &[u32], answers: &mut [Q::Answer]) {
-        for numbers in numbers.chunks(IN_TURN) {
-            let is_race = numbers.len() >= FEWEST_IN_TURN;
-            let clock = (is_race && self.turns.measures()).then(Stopwatch::start);
+        let mut left = numbers;
+        while !left.is_empty() {
+            let is_race = left.len() >= FEWEST_IN_STREAM;
+            let clock = (is_race && self.others.measures()).then(Stopwatch::start);
             let way = if is_race {
-                self.turns.next()
+                self.others.next()
             } else {
                 Way::Alone
             };
-            let places = numbers.iter().map(|number| *number as usize);
+            let most = match way {
+                Way::Together => IN_STREAM,
+                Way::InTurns | Way::Alone => APART,
+            };
+            let (numbers, others) = left.split_at(most.min(left.len()));
+            left = others;
+            let (simd, tree) = (self.simd, self.tree);
+            let mut take = |number: u32, answer: Option<Q::Answer>| {
+                let number = number as usize;
+                answers[number] = answer.unwrap_or_else(|| one::<S, Q>(simd, tree, &rays[number]));
+            };
             match way {
-                Way::Together => {
-                    let take = |number: usize, query: Q| answers[number] = query.answer();
-                    let slots = self.slots.get_or_insert_with(Slots::new);
-                    queue::trace(self.simd, self.tree, rays, places, slots, take);
-                }
-                Way::Alone => {
-                    for number in places {
-                        answers[number] = self.answer(&rays[number]);
-                    }
-                }
+                Way::Together => self.stream.trace(simd, tree, rays, numbers, take),
+                Way::InTurns => self.queue.trace(simd, tree, rays, numbers, take),
+                Way::Alone => numbers.iter().for_each(|number| take(*number, None)),
             }
             if let Some(clock) = clock {
-                self.turns.learn(way, clock.per_ray(numbers.len()));
+                self.others.learn(clock.per_ray(numbers.len()));
             }
         }
     }
+}
+
+/// Answers one ray.
+#[inline(always)]
+fn one<S: TraceSimd, Q: Query>(simd: S, tree: &WideTree, ray: &Ray) -> Q::Answer {
+    let mut query = Q::default();
+    query.search(simd, Subtree::whole(tree), ray, &mut ());
+    query.answer()
 }

@@ -2,27 +2,50 @@
 
 use std::ops::ControlFlow;
 
-use kd_core::Ray;
+use kd_core::{Hit, Ray};
 use kd_simd::{Portable, max, min};
 use kd_wide::{Block, Child, WIDTH, WideNode};
 
+use super::batch::Query;
+use super::batch_ray::{BatchRay, Entry, IN_LANES};
 use super::stack::Pending;
-use super::walk::WideRay;
-use crate::collect::Collect;
-use crate::dispatch::TraceSimd;
+use super::subtree::Subtree;
+use super::walk::walk;
+use crate::collect::{Any, Closest, Collect};
+use crate::dispatch::{NO_HIT, TraceSimd};
 use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 
-/// The order of the lanes themselves.
-const IN_LANES: u32 = 0o76_543_210;
-
 impl TraceSimd for Portable {
-    type Ray = PortableRay;
+    type ClosestInBatch<'a> = PortableBatchRay<Closest>;
+    type AnyInBatch<'a> = PortableBatchRay<Any>;
 
     #[inline(always)]
-    fn prepare(self, ray: &Ray, frame: &Frame) -> Option<PortableRay> {
-        PortableRay::new(ray, frame)
+    fn collect<C: Collect, P: Probe>(
+        self,
+        subtree: Subtree<'_>,
+        ray: &Ray,
+        collector: &mut C,
+        probe: &mut P,
+    ) {
+        if let Some(ray) = PortableRay::new(ray, subtree.tree().frame()) {
+            walk(subtree, &ray, collector, probe);
+        }
+    }
+
+    #[inline(always)]
+    fn closest<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
+        let mut closest = Closest::default();
+        self.collect(subtree, ray, &mut closest, probe);
+        closest.0.unwrap_or(NO_HIT)
+    }
+
+    #[inline(always)]
+    fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
+        let mut any = Any::default();
+        self.collect(subtree, ray, &mut any, probe);
+        any.0
     }
 }
 
@@ -32,7 +55,8 @@ pub(crate) struct PortableRay {
     test: TriangleTest,
     octant: usize,
     start: f32,
-    end: f32,
+    /// The end of the ray, or a hit.
+    pub(super) end: f32,
 }
 
 impl PortableRay {
@@ -52,26 +76,16 @@ impl PortableRay {
             planes,
         })
     }
-}
 
-impl WideRay for PortableRay {
+    /// A value of `t` in steps.
     #[inline(always)]
-    fn end(&self) -> f32 {
-        self.end
-    }
-
-    #[inline(always)]
-    fn steps(&self, t: f32) -> f32 {
+    pub(super) fn steps(&self, t: f32) -> f32 {
         self.planes.steps(t)
     }
 
+    /// Where the ray enters eight boxes, and where it leaves them, at the latest at `limit`. It meets a box that it enters before.
     #[inline(always)]
-    fn enter<const ANY: bool>(
-        &self,
-        node: &WideNode,
-        limit: f32,
-        pending: &mut Pending<'_>,
-    ) -> Option<Child> {
+    fn meet(&self, node: &WideNode, limit: f32) -> [[f32; WIDTH]; 2] {
         let mut enters = [self.start; WIDTH];
         let mut exits = [limit; WIDTH];
         for (axis, faces) in node.faces.iter().enumerate() {
@@ -88,6 +102,21 @@ impl WideRay for PortableRay {
                 );
             }
         }
+        [enters, exits]
+    }
+
+    /// The nearest child whose box the ray may meet up to `limit`. Pushes the other ones, farthest first.
+    ///
+    /// With `ANY`, the child in the last lane, where a hit is likely for little work; the other ones are pushed in the order of
+    /// their lanes.
+    #[inline(always)]
+    pub(super) fn enter<const ANY: bool>(
+        &self,
+        node: &WideNode,
+        limit: f32,
+        pending: &mut Pending<'_>,
+    ) -> Option<Child> {
+        let [enters, exits] = self.meet(node, limit);
         let order = if ANY {
             IN_LANES
         } else {
@@ -103,14 +132,81 @@ impl WideRay for PortableRay {
         nearest.map(|lane| node.children[lane])
     }
 
+    /// Passes every hit in the blocks to the collector. Breaks if the collector does.
     #[inline(always)]
-    fn visit<C: Collect, P: Probe>(
+    pub(super) fn visit<C: Collect, P: Probe>(
         &self,
         blocks: &[Block],
-        _: f32,
         collector: &mut C,
         probe: &mut P,
     ) -> ControlFlow<()> {
         self.test.visit(blocks, collector, probe)
+    }
+}
+
+/// A ray of many, with the collector of its answer.
+pub(crate) struct PortableBatchRay<C>(C);
+
+impl<C: Query, S> BatchRay<'_, S> for PortableBatchRay<C> {
+    const ANY: bool = C::ANY;
+    type Answer = C::Answer;
+    type Nodes = PortableRay;
+
+    #[inline(always)]
+    fn begin(_: S, ray: &Ray, frame: &Frame) -> Option<(PortableRay, Self)> {
+        Some((PortableRay::new(ray, frame)?, Self(C::default())))
+    }
+
+    #[inline(always)]
+    fn octant(nodes: &PortableRay) -> usize {
+        nodes.octant
+    }
+
+    #[inline(always)]
+    fn limit(nodes: &PortableRay) -> f32 {
+        nodes.end
+    }
+
+    #[inline(always)]
+    fn divide(
+        _: S,
+        rays: &[PortableRay],
+        list: &[Entry],
+        node: &WideNode,
+        lists: &mut [Entry],
+    ) -> [u32; WIDTH] {
+        let mut lens = [0; WIDTH];
+        for entry in list {
+            let ray = &rays[entry.ray as usize];
+            let [enters, exits] = ray.meet(node, ray.end);
+            for lane in 0..WIDTH {
+                let enter = enters[lane];
+                lists[lane * list.len() + lens[lane] as usize] = Entry { enter, ..*entry };
+                lens[lane] += u32::from(enter <= exits[lane]);
+            }
+        }
+        lens
+    }
+
+    #[inline(always)]
+    fn enter_or_pop(nodes: &PortableRay, node: &WideNode, pending: &mut Pending<'_>) -> Child {
+        nodes
+            .enter::<false>(node, nodes.end, pending)
+            .unwrap_or_else(|| pending.pop_last())
+    }
+
+    #[inline(always)]
+    fn trace_below(&mut self, nodes: &mut PortableRay, subtree: Subtree<'_>, _: &Ray) {
+        walk(subtree, nodes, &mut self.0, &mut ());
+        nodes.end = if self.0.is_done() {
+            f32::NEG_INFINITY
+        } else {
+            min(nodes.steps(self.0.limit()), nodes.end)
+        };
+    }
+
+    #[inline(always)]
+    fn answer(&self) -> C::Answer {
+        self.0.answer()
     }
 }

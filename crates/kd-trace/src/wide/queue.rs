@@ -13,14 +13,12 @@
 )]
 
 use kd_core::Ray;
-use kd_simd::min;
+use kd_simd::Simd;
 use kd_wide::{Child, WideTree};
 
+use super::batch_ray::BatchRay;
 use super::stack::Stack;
 use super::subtree::Subtree;
-use super::walk::WideRay;
-use crate::collect::Collect;
-use crate::dispatch::{Search, TraceSimd};
 
 /// Active rays. (8 and 32 were not faster, on four meshes.)
 const SLOTS: usize = 16;
@@ -29,70 +27,71 @@ const SLOTS: usize = 16;
 const FEW: usize = 4;
 
 /// The memory of active rays, which takes some time to make.
-pub(crate) struct Slots<R, C>(Box<[Slot<R, C>; SLOTS]>);
+pub(super) struct Queue<N, R>(Vec<Slot<N, R>>);
 
-impl<R: WideRay, C: Collect + Default> Slots<R, C> {
-    pub(crate) fn new() -> Self {
-        // By a vector, so that no array is made on the stack and copied.
-        let slots: Vec<_> = (0..SLOTS).map(|_| Slot::new()).collect();
-        Self(slots.try_into().ok().expect("as many"))
+impl<N, R> Queue<N, R> {
+    /// No rays.
+    pub(super) fn new() -> Self {
+        Self(Vec::new())
     }
-}
 
-/// Traces the rays of these numbers, each with its own collector, which is passed to `take`, in any order.
-#[inline(always)]
-pub(crate) fn trace<S: TraceSimd, C: Search>(
-    simd: S,
-    tree: &WideTree,
-    rays: &[Ray],
-    numbers: impl Iterator<Item = usize>,
-    Slots(slots): &mut Slots<S::Ray, C>,
-    take: impl FnMut(usize, C),
-) {
-    let mut waiting = Waiting {
-        simd,
-        tree,
-        rays,
-        numbers,
-        take,
-    };
-    let mut at_nodes = List::default();
-    let mut at_leaves = List::default();
-    for (place, slot) in slots.iter_mut().enumerate() {
-        if waiting.begin(slot) {
-            List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
-        }
-    }
-    loop {
-        while at_nodes.len > FEW || (at_leaves.len == 0 && at_nodes.len > 0) {
-            for i in 0..at_nodes.restart() {
-                let place = at_nodes.place(i);
-                let slot = &mut slots[place];
-                slot.enter(tree);
+    /// Traces the rays of some numbers. Passes the number and the answer of each to `take`, in any order; or `None` for a ray that
+    /// is to be traced alone.
+    #[inline(always)]
+    pub(super) fn trace<'a, S: Simd>(
+        &mut self,
+        simd: S,
+        tree: &'a WideTree,
+        rays: &[Ray],
+        numbers: &[u32],
+        take: impl FnMut(u32, Option<R::Answer>),
+    ) where
+        R: BatchRay<'a, S, Nodes = N>,
+    {
+        let Self(slots) = self;
+        slots.resize_with(SLOTS, Slot::new);
+        let mut waiting = Waiting {
+            simd,
+            tree,
+            rays,
+            numbers: numbers.iter(),
+            take,
+        };
+        let mut at_nodes = List::default();
+        let mut at_leaves = List::default();
+        for (place, slot) in slots.iter_mut().enumerate() {
+            if waiting.begin(slot) {
                 List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
             }
         }
-        if at_leaves.len == 0 {
-            return;
-        }
-        for i in 0..at_leaves.restart() {
-            let place = at_leaves.place(i);
-            let slot = &mut slots[place];
-            if slot.visit(tree) || waiting.next(slot) {
-                List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
+        loop {
+            while at_nodes.len > FEW || (at_leaves.len == 0 && at_nodes.len > 0) {
+                for i in 0..at_nodes.restart() {
+                    let place = at_nodes.place(i);
+                    let slot = &mut slots[place];
+                    slot.enter(tree);
+                    List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
+                }
+            }
+            if at_leaves.len == 0 {
+                return;
+            }
+            for i in 0..at_leaves.restart() {
+                let place = at_leaves.place(i);
+                let slot = &mut slots[place];
+                if slot.visit(tree, rays) || waiting.next(slot) {
+                    List::push(slot.child, place, &mut at_nodes, &mut at_leaves);
+                }
             }
         }
     }
 }
 
 /// An active ray.
-struct Slot<R, C> {
+struct Slot<N, R> {
     /// `None` before the first.
-    ray: Option<R>,
-    number: usize,
-    collector: C,
-    /// In steps. Pending children begin before it, or did when they were pushed.
-    limit: f32,
+    ray: Option<(N, R)>,
+    number: u32,
     /// The current node or leaf of the tree.
     child: Child,
     stack: Stack,
@@ -100,13 +99,11 @@ struct Slot<R, C> {
     pending: usize,
 }
 
-impl<R: WideRay, C: Collect + Default> Slot<R, C> {
+impl<N, R> Slot<N, R> {
     fn new() -> Self {
         Self {
             ray: None,
             number: 0,
-            collector: C::default(),
-            limit: 0.0,
             child: Child::NOTHING,
             stack: Stack::new(),
             pending: 0,
@@ -115,31 +112,35 @@ impl<R: WideRay, C: Collect + Default> Slot<R, C> {
 
     /// Visits a node.
     #[inline(always)]
-    fn enter(&mut self, tree: &WideTree) {
-        let Some(ray) = &self.ray else { return };
+    fn enter<'a, S>(&mut self, tree: &'a WideTree)
+    where
+        R: BatchRay<'a, S, Nodes = N>,
+    {
+        let Some((nodes, _)) = &self.ray else { return };
         // SAFETY: the slot is in the list of nodes, so the child is one; it is the root or was read from a node of the tree.
         let node = unsafe { tree.node(self.child) };
         // SAFETY: this number of entries was written before.
         let mut pending = unsafe { self.stack.resume(self.pending) };
-        self.child = ray.enter_or_pop(node, self.limit, &mut pending);
+        self.child = R::enter_or_pop(nodes, node, &mut pending);
         self.pending = pending.len();
         tree.prefetch(self.child);
     }
 
     /// Visits a leaf; false if the ray is done.
     #[inline(always)]
-    fn visit(&mut self, tree: &WideTree) -> bool {
-        let Some(ray) = &self.ray else { return false };
-        // SAFETY: the slot is in the list of leaves, so the child is one; it was read from a node of the tree, or has no blocks.
-        let blocks = unsafe { tree.leaf(self.child) };
-        let collector = &mut self.collector;
-        if ray.visit(blocks, self.limit, collector, &mut ()).is_break() {
+    fn visit<'a, S>(&mut self, tree: &'a WideTree, rays: &[Ray]) -> bool
+    where
+        R: BatchRay<'a, S, Nodes = N>,
+    {
+        let Some((nodes, ray)) = &mut self.ray else {
             return false;
-        }
-        self.limit = min(ray.steps(collector.limit()), self.limit);
+        };
+        // SAFETY: the root, or read from a node of the tree, or a leaf without blocks.
+        let subtree = unsafe { Subtree::below(tree, self.child) };
+        ray.trace_below(nodes, subtree, &rays[self.number as usize]);
         // SAFETY: this number of entries was written before.
         let mut pending = unsafe { self.stack.resume(self.pending) };
-        let next = pending.pop(self.limit);
+        let next = pending.pop(R::limit(nodes));
         self.pending = pending.len();
         // The entry at the bottom is no child.
         let Some(child) = next.filter(|_| self.pending > 0) else {
@@ -152,48 +153,52 @@ impl<R: WideRay, C: Collect + Default> Slot<R, C> {
 }
 
 /// Rays that have not begun, and the receiver of finished ones.
-struct Waiting<'a, S, N, T> {
+struct Waiting<'r, 'a, S, T> {
     simd: S,
     tree: &'a WideTree,
-    rays: &'a [Ray],
-    numbers: N,
+    rays: &'r [Ray],
+    numbers: std::slice::Iter<'r, u32>,
     take: T,
 }
 
-impl<S: TraceSimd, N: Iterator<Item = usize>, T> Waiting<'_, S, N, T> {
+impl<'a, S, T> Waiting<'_, 'a, S, T> {
     /// Puts the next ray in an empty slot; false if none is left.
     #[inline(always)]
-    fn begin<C: Search>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
+    fn begin<R>(&mut self, slot: &mut Slot<R::Nodes, R>) -> bool
     where
-        T: FnMut(usize, C),
+        S: Simd,
+        R: BatchRay<'a, S>,
+        T: FnMut(u32, Option<R::Answer>),
     {
         for number in self.numbers.by_ref() {
-            let ray = &self.rays[number];
-            if let Some(ray) = self.simd.prepare(ray, self.tree.frame()) {
-                slot.number = number;
-                slot.limit = ray.end();
-                slot.ray = Some(ray);
-                slot.child = self.tree.root();
-                // A leaf without blocks at the bottom, so that a pop always succeeds.
-                let mut pending = slot.stack.pending();
-                pending.push(f32::NEG_INFINITY, Child::NOTHING);
-                slot.pending = pending.len();
-                return true;
+            let ray = &self.rays[*number as usize];
+            slot.ray = R::begin(self.simd, ray, self.tree.frame());
+            if slot.ray.is_none() {
+                (self.take)(*number, None);
+                continue;
             }
-            let mut collector = C::default();
-            collector.search(self.simd, Subtree::whole(self.tree), ray, &mut ());
-            (self.take)(number, collector);
+            slot.number = *number;
+            slot.child = self.tree.root();
+            // A leaf without blocks at the bottom, so that a pop always succeeds.
+            let mut pending = slot.stack.pending();
+            pending.push(f32::NEG_INFINITY, Child::NOTHING);
+            slot.pending = pending.len();
+            return true;
         }
         false
     }
 
     /// Finishes the ray of a slot, and [begins](Self::begin) another one.
     #[inline(always)]
-    fn next<C: Search>(&mut self, slot: &mut Slot<S::Ray, C>) -> bool
+    fn next<R>(&mut self, slot: &mut Slot<R::Nodes, R>) -> bool
     where
-        T: FnMut(usize, C),
+        S: Simd,
+        R: BatchRay<'a, S>,
+        T: FnMut(u32, Option<R::Answer>),
     {
-        (self.take)(slot.number, std::mem::take(&mut slot.collector));
+        if let Some((_, ray)) = &slot.ray {
+            (self.take)(slot.number, Some(ray.answer()));
+        }
         self.begin(slot)
     }
 }

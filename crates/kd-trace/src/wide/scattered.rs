@@ -9,7 +9,7 @@
 
 use kd_core::Ray;
 
-use super::batch::{Batch, FEWEST, Query};
+use super::batch::{AS_TILES, Batch, FEWEST, Query};
 use super::race::{Race, Stopwatch, Way};
 use super::sorter::{Sorter, are_alike};
 use super::tile::RAYS;
@@ -41,7 +41,7 @@ impl Scattered {
     pub(super) fn new() -> Self {
         Self {
             sorter: None,
-            race: Race::new(LONGEST),
+            race: Race::new(AS_TILES, LONGEST),
             is_done: Vec::new(),
             alike: Vec::new(),
         }
@@ -92,16 +92,16 @@ impl Scattered {
             // Rays alone need not be sorted and gathered.
             let clock = clock.map(|clock| match way {
                 Way::Together => clock,
-                Way::Alone => Stopwatch::start(),
+                Way::InTurns | Way::Alone => Stopwatch::start(),
             });
             batch.trace_gathered(way, &self.alike, found);
             if let Some(clock) = clock {
                 let time = clock.per_ray(run.len());
                 let before = match way {
                     Way::Together => sorting,
-                    Way::Alone => 0.0,
+                    Way::InTurns | Way::Alone => 0.0,
                 };
-                self.race.learn(way, before + time);
+                self.race.learn(before + time);
             }
             for (number, answer) in run.iter().zip(found) {
                 answers[*number as usize] = *answer;

@@ -92,7 +92,7 @@ fn largest_of(sizes: __m128) -> f32 {
 }
 
 /// A ray, prepared for nodes.
-pub(super) struct NodeRay {
+pub(crate) struct NodeRay {
     /// Steps per unit of each axis.
     inverse: __m128,
     /// Added for a near face: minus the origin's steps, minus the bound.
@@ -203,6 +203,13 @@ impl NodeRay {
         })
     }
 
+    /// A bit for each axis along which the ray moves down.
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    pub(super) fn octant(&self) -> usize {
+        (_mm_movemask_ps(self.inverse).cast_unsigned() & 0b111) as usize
+    }
+
     /// All three axes, in registers of eight.
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
@@ -232,14 +239,14 @@ pub(super) struct Axes {
 
 /// Where a ray enters eight boxes, and which boxes it meets.
 #[derive(Clone, Copy)]
-struct Met {
-    enters: __m256,
-    is_met: __m256,
+pub(super) struct Met {
+    pub(super) enters: __m256,
+    pub(super) is_met: __m256,
 }
 
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn meet(node: &WideNode, rows: &Rows, axes: &Axes, limit: __m256) -> Met {
+pub(super) fn meet(node: &WideNode, rows: &Rows, axes: &Axes, limit: __m256) -> Met {
     let base: *const u8 = (&raw const *node).cast();
     // SAFETY: `at` is the offset of a row of the node.
     let row = |at: u32| unsafe { _mm256_load_ps(base.add(at as usize).cast()) };

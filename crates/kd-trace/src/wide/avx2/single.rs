@@ -39,20 +39,17 @@ pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, pro
             closest.0.unwrap_or(NO_HIT)
         }
         Prepared::Usual(nodes) => {
-            let mut query = Closest {
-                simd,
-                sure: None,
-                first: f32::INFINITY,
-                best: NO_HIT,
-            };
-            let triangles = trace(subtree, &numbers, &nodes, &mut query, probe);
-            match (query.sure, triangles) {
-                (Some((block, lane)), Some(ray)) => {
-                    probe.decision();
-                    ray.hit(block, lane)
-                }
-                _ => query.best,
-            }
+            let mut progress = Progress::new(&nodes);
+            let mut query = Closest::new(simd);
+            trace(
+                subtree,
+                || numbers,
+                &nodes,
+                &mut progress,
+                &mut query,
+                probe,
+            );
+            query.hit(&progress, probe)
         }
     }
 }
@@ -70,11 +67,16 @@ pub(super) fn any<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: 
             any.0
         }
         Prepared::Usual(nodes) => {
-            let mut query = Any {
-                simd,
-                is_hit: false,
-            };
-            trace(subtree, &numbers, &nodes, &mut query, probe);
+            let mut progress = Progress::new(&nodes);
+            let mut query = Any::new(simd);
+            trace(
+                subtree,
+                || numbers,
+                &nodes,
+                &mut progress,
+                &mut query,
+                probe,
+            );
             query.is_hit
         }
     }
@@ -95,8 +97,16 @@ pub(super) fn collect<C: Collect, P: Probe>(
         Prepared::Miss => {}
         Prepared::Unusual => trace_unusual(subtree, ray, collector, probe),
         Prepared::Usual(nodes) => {
+            let mut progress = Progress::new(&nodes);
             let mut query = Collecting { simd, collector };
-            trace(subtree, &numbers, &nodes, &mut query, probe);
+            trace(
+                subtree,
+                || numbers,
+                &nodes,
+                &mut progress,
+                &mut query,
+                probe,
+            );
         }
     }
 }
@@ -116,7 +126,7 @@ fn trace_unusual<C: Collect, P: Probe>(
 }
 
 /// What a usual ray looks for, and what it has found.
-trait Query<'a> {
+pub(crate) trait Query<'a> {
     /// Whether the first hit found ends the search.
     const ANY: bool;
 
@@ -131,28 +141,46 @@ trait Query<'a> {
 }
 
 /// No hit behind it matters.
-struct Limit {
-    steps: f32,
+pub(crate) struct Limit {
+    pub(super) steps: f32,
     /// Unknown before the first leaf.
     depth: f32,
 }
 
-/// The traversal loop. Returns the ray as it was prepared for triangles, if it met some.
+/// What changes while a ray traverses, whatever it looks for.
+pub(crate) struct Progress {
+    pub(super) limit: Limit,
+    /// The ray as it was prepared for triangles, if it met some.
+    triangles: Option<TriangleRay>,
+}
+
+impl Progress {
+    /// At the start of a ray.
+    #[inline(always)]
+    pub(super) fn new(nodes: &NodeRay) -> Self {
+        Self {
+            limit: Limit {
+                steps: nodes.end,
+                depth: f32::INFINITY,
+            },
+            triangles: None,
+        }
+    }
+}
+
+/// The traversal loop. `numbers` are those of the ray, for its first leaf.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn trace<'a, Q: Query<'a>, P: Probe>(
+pub(super) fn trace<'a, Q: Query<'a>, P: Probe>(
     subtree: Subtree<'a>,
-    numbers: &Numbers,
+    numbers: impl Fn() -> Numbers,
     nodes: &NodeRay,
+    progress: &mut Progress,
     query: &mut Q,
     probe: &mut P,
-) -> Option<TriangleRay> {
+) {
     let rows = nodes.rows;
-    let mut limit = Limit {
-        steps: nodes.end,
-        depth: f32::INFINITY,
-    };
-    let mut triangles = None;
+    let Progress { limit, triangles } = progress;
     let mut stack = Stack::new();
     let mut pending = stack.pending();
     let tree = subtree.tree();
@@ -184,7 +212,7 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
                         next
                     }
                 };
-                let Some(next) = next else { return triangles };
+                let Some(next) = next else { return };
                 child = next;
                 if child.is_leaf() {
                     break;
@@ -195,18 +223,15 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
         let blocks = unsafe { tree.leaf(child) };
         probe.leaf(|| blocks.iter().map(Block::count).sum());
         let ray = triangles.get_or_insert_with(|| {
-            let ray = TriangleRay::new(numbers, tree.frame());
+            let ray = TriangleRay::new(&numbers(), tree.frame());
             limit.depth = limit.steps * ray.speed;
             ray
         });
         for block in blocks {
             probe.block();
             // Each block loads the numbers of the ray again: in registers they would leave none for the triangles.
-            if query
-                .visit(opaque(ray), block, &mut limit, probe)
-                .is_break()
-            {
-                return triangles;
+            if query.visit(opaque(ray), block, limit, probe).is_break() {
+                return;
             }
         }
         let next = if Q::ANY {
@@ -214,13 +239,13 @@ fn trace<'a, Q: Query<'a>, P: Probe>(
         } else {
             pending.pop(limit.steps)
         };
-        let Some(next) = next else { return triangles };
+        let Some(next) = next else { return };
         child = next;
     }
 }
 
 /// The closest hit.
-struct Closest<'a> {
+pub(crate) struct Closest<'a> {
     simd: Avx2,
     /// A triangle that is surely hit, before `best` and at `first` or behind it.
     sure: Option<(&'a Block, usize)>,
@@ -247,6 +272,28 @@ impl<'a> Query<'a> for Closest<'a> {
 }
 
 impl<'a> Closest<'a> {
+    #[inline(always)]
+    pub(super) fn new(simd: Avx2) -> Self {
+        Self {
+            simd,
+            sure: None,
+            first: f32::INFINITY,
+            best: NO_HIT,
+        }
+    }
+
+    /// The hit in the end, or [`NO_HIT`].
+    #[inline(always)]
+    pub(super) fn hit<P: Probe>(&self, progress: &Progress, probe: &mut P) -> Hit {
+        match (self.sure, &progress.triangles) {
+            (Some((block, lane)), Some(ray)) => {
+                probe.decision();
+                ray.hit(block, lane)
+            }
+            _ => self.best,
+        }
+    }
+
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
     fn visit<P: Probe>(
@@ -323,9 +370,9 @@ fn decide_closest(
 }
 
 /// Any hit.
-struct Any {
+pub(crate) struct Any {
     simd: Avx2,
-    is_hit: bool,
+    pub(super) is_hit: bool,
 }
 
 impl<'a> Query<'a> for Any {
@@ -345,6 +392,14 @@ impl<'a> Query<'a> for Any {
 }
 
 impl Any {
+    #[inline(always)]
+    pub(super) fn new(simd: Avx2) -> Self {
+        Self {
+            simd,
+            is_hit: false,
+        }
+    }
+
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
     fn visit<P: Probe>(
@@ -357,14 +412,17 @@ impl Any {
         let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
             return ControlFlow::Continue(());
         };
-        if candidates.sure != 0 {
-            self.is_hit = true;
-            return ControlFlow::Break(());
+        let mut any = collect::Any(candidates.sure != 0);
+        if !any.0 {
+            // What it returns is whether there is a hit.
+            let _ = ray.take_each(self.simd, block, candidates.lanes, &mut any, probe);
         }
-        let mut any = collect::Any::default();
-        let found = ray.take_each(self.simd, block, candidates.lanes, &mut any, probe);
-        self.is_hit = any.0;
-        found
+        if !any.0 {
+            return ControlFlow::Continue(());
+        }
+        self.is_hit = true;
+        limit.steps = f32::NEG_INFINITY;
+        ControlFlow::Break(())
     }
 }
 

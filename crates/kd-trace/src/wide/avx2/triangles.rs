@@ -25,7 +25,7 @@ const U: f32 = f32::EPSILON / 2.0;
 ///
 /// A *depth* is a distance along, in scene units, towards the direction of the ray.
 #[repr(C, align(16))]
-pub(super) struct TriangleRay {
+pub(crate) struct TriangleRay {
     origin: [f32; 4],
     direction: [f32; 4],
     shear: [f32; 4],

@@ -1,5 +1,5 @@
-//! Batches of rays that go their own ways, which are traced in turn: every answer is that of brute force, whichever rays
-//! are on their way together.
+//! Batches of rays that go their own ways, in streams and queues: every answer is that of brute force, whichever rays are on their
+//! way together.
 
 use glam::Vec3;
 use kd_core::{Mesh, Ray};
@@ -10,11 +10,12 @@ use crate::rng::Rng;
 use crate::scenes::{self, sphere};
 use crate::tiles::{check, levels};
 
-/// Fewer than are traced in turn, as many and a few more, and many.
-const COUNTS: [usize; 6] = [1, 63, 64, 65, 80, 500];
+/// Fewer than are traced together, as many and a few more, and many: the last batch is traced as streams, in turns and one by one,
+/// to measure which is fastest.
+const COUNTS: [usize; 6] = [1, 63, 64, 65, 500, 3000];
 
 #[test]
-fn hard_rays_in_turn() {
+fn hard_rays() {
     for (scene, mesh) in scenes::all() {
         if mesh.is_empty() {
             continue;
@@ -35,7 +36,7 @@ fn hard_rays_in_turn() {
 }
 
 #[test]
-fn rays_in_turn_through_nothing() {
+fn through_nothing() {
     let mesh = Mesh::new(Vec::new(), Vec::new()).expect("valid");
     let trees = levels(&mesh);
     let rays: Vec<Ray> = (0..100)
@@ -46,7 +47,7 @@ fn rays_in_turn_through_nothing() {
 
 /// All that are given cannot hit anything, or all but one.
 #[test]
-fn rays_in_turn_that_cannot_hit() {
+fn rays_that_cannot_hit() {
     let mesh = sphere(3);
     let trees = levels(&mesh);
     let mut rng = Rng(82);
@@ -62,7 +63,7 @@ fn rays_in_turn_that_cannot_hit() {
 
 /// Runs that are tiles between others that are not.
 #[test]
-fn rays_in_turn_between_tiles() {
+fn between_tiles() {
     let mesh = sphere(4);
     let trees = levels(&mesh);
     let mut rng = Rng(83);
