@@ -22,8 +22,8 @@ pub(super) const FEWEST: usize = 16;
 const IN_STREAM: usize = if cfg!(miri) { FEWEST_IN_STREAM } else { 1024 };
 const FEWEST_IN_STREAM: usize = 64;
 
-/// The rays of other groups: enough for a measurement.
-const APART: usize = if cfg!(miri) { FEWEST_IN_STREAM } else { 256 };
+/// Rays in turns or alone that are measured: enough to compare them.
+const SHORT: usize = if cfg!(miri) { FEWEST_IN_STREAM } else { 256 };
 
 /// Ways of tiles, and of other rays.
 pub(super) const AS_TILES: &[Way] = &[Way::Together, Way::Alone];
@@ -188,10 +188,8 @@ impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
             } else {
                 Way::Alone
             };
-            let most = match way {
-                Way::Together => IN_STREAM,
-                Way::InTurns | Way::Alone => APART,
-            };
+            let is_short = clock.is_some() && way != Way::Together;
+            let most = if is_short { SHORT } else { IN_STREAM };
             let (numbers, others) = left.split_at(most.min(left.len()));
             left = others;
             let (simd, tree) = (self.simd, self.tree);
