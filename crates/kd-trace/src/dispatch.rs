@@ -20,11 +20,11 @@ use crate::wide::batch_ray::BatchRay;
 use crate::wide::subtree::Subtree;
 
 /// A set of instructions that wide nodes are traced with.
-pub(crate) trait TraceSimd: Simd {
+pub(crate) trait TraceSimd: Simd + 'static {
     /// A ray of many that looks for its closest hit.
-    type ClosestInBatch<'a>: BatchRay<'a, Self, Answer = Option<Hit>>;
+    type ClosestInBatch: BatchRay<Self, Answer = Option<Hit>> + 'static;
     /// A ray of many that looks for any hit.
-    type AnyInBatch<'a>: BatchRay<'a, Self, Answer = bool>;
+    type AnyInBatch: BatchRay<Self, Answer = bool> + 'static;
 
     /// Gives the collector every hit of one ray that it may want, roughly front to back.
     fn collect<C: Collect, P: Probe>(

@@ -17,6 +17,7 @@ pub(crate) mod avx2;
 pub(crate) mod batch;
 pub(crate) mod batch_ray;
 mod eight;
+mod kept;
 mod limits;
 pub(crate) mod packet;
 pub(crate) mod portable;

@@ -38,8 +38,8 @@ use single::{Any, Closest};
 const ROW: usize = 4 * WIDTH;
 
 impl TraceSimd for Avx2 {
-    type ClosestInBatch<'a> = Avx2BatchRay<Closest<'a>>;
-    type AnyInBatch<'a> = Avx2BatchRay<Any>;
+    type ClosestInBatch = Avx2BatchRay<Closest>;
+    type AnyInBatch = Avx2BatchRay<Any>;
 
     #[inline(always)]
     fn collect<C: Collect, P: Probe>(

@@ -5,12 +5,13 @@ use kd_core::{Hit, Ray};
 use kd_wide::WideTree;
 
 use super::batch_ray::BatchRay;
+use super::kept::{self, Identity};
 use super::queue::Queue;
 use super::race::{Race, Stopwatch, Way};
 use super::scattered::Scattered;
 use super::stream::Stream;
 use super::subtree::Subtree;
-use super::tile::{RAYS, Tiles};
+use super::tile::{RAYS, TileMemory, Tiles};
 use crate::collect::{Any, Closest};
 use crate::dispatch::{Search, TraceSimd};
 
@@ -42,9 +43,9 @@ const WINDOW: usize = 4096;
 const SPREAD_OF_NEIGHBORS: f32 = 0.25;
 
 /// A query, as the collector of its answer.
-pub(crate) trait Query: Search {
+pub(crate) trait Query: Search + 'static {
     type Answer: Copy + Default;
-    type InBatch<'a, S: TraceSimd>: BatchRay<'a, S, Answer = Self::Answer>;
+    type InBatch<S: TraceSimd>: BatchRay<S, Answer = Self::Answer>;
 
     fn answer(&self) -> Self::Answer;
 
@@ -54,7 +55,7 @@ pub(crate) trait Query: Search {
 
 impl Query for Closest {
     type Answer = Option<Hit>;
-    type InBatch<'a, S: TraceSimd> = S::ClosestInBatch<'a>;
+    type InBatch<S: TraceSimd> = S::ClosestInBatch;
 
     #[inline(always)]
     fn answer(&self) -> Option<Hit> {
@@ -69,7 +70,7 @@ impl Query for Closest {
 
 impl Query for Any {
     type Answer = bool;
-    type InBatch<'a, S: TraceSimd> = S::AnyInBatch<'a>;
+    type InBatch<S: TraceSimd> = S::AnyInBatch;
 
     #[inline(always)]
     fn answer(&self) -> bool {
@@ -90,19 +91,29 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
     rays: &[Ray],
     answers: &mut [Q::Answer],
 ) {
+    let mut kept = kept::take::<Kept<S, Q>>().unwrap_or_default();
+    kept.begin(tree);
+    let Kept {
+        neighbors,
+        scattered,
+        others,
+        stream,
+        queue,
+        numbers,
+        tile,
+        ..
+    } = &mut *kept;
     let mut batch = Batch::<S, Q> {
         simd,
         tree,
-        tiles: Tiles::new(simd, tree),
-        neighbors: Race::new(AS_TILES, NEIGHBORS),
-        others: Race::new(TOGETHER_OR_IN_TURNS, OTHERS),
-        stream: Stream::new(),
-        queue: Queue::new(),
+        tiles: Tiles::new(simd, tree, tile),
+        neighbors,
+        others,
+        stream,
+        queue,
     };
-    let mut scattered = Scattered::new();
-    let mut others = Vec::new();
     for (rays, answers) in rays.chunks(WINDOW).zip(answers.chunks_mut(WINDOW)) {
-        others.clear();
+        numbers.clear();
         let starts = (0..).step_by(RAYS);
         for ((rays, answers), start) in rays.chunks(RAYS).zip(answers.chunks_mut(RAYS)).zip(starts)
         {
@@ -111,11 +122,58 @@ pub(crate) fn trace<S: TraceSimd, Q: Query>(
             if may_be_tile && batch.tiles.gather(rays, SPREAD_OF_NEIGHBORS) {
                 batch.trace_neighbors(rays, answers, clock);
             } else {
-                others.extend((start..).take(rays.len()));
+                numbers.extend((start..).take(rays.len()));
             }
         }
-        scattered.trace(&mut batch, rays, &mut others, answers);
-        batch.trace_rest(rays, &others, answers);
+        scattered.trace(&mut batch, rays, numbers, answers);
+        batch.trace_rest(rays, numbers, answers);
+    }
+    kept::keep(kept);
+}
+
+/// What the next batch of this thread can use.
+struct Kept<S: TraceSimd, Q: Query> {
+    tree: Option<Identity>,
+    /// Coherent neighbors as tiles.
+    neighbors: Race,
+    scattered: Scattered,
+    /// Other rays as streams, or in turns.
+    others: Race,
+    stream: StreamOf<S, Q>,
+    queue: QueueOf<S, Q>,
+    /// Rays of a window that are in no tile of neighbors.
+    numbers: Vec<u32>,
+    tile: TileMemory,
+}
+
+impl<S: TraceSimd, Q: Query> Default for Kept<S, Q> {
+    fn default() -> Self {
+        Self {
+            tree: None,
+            neighbors: Race::new(AS_TILES, NEIGHBORS),
+            scattered: Scattered::new(),
+            others: Race::new(TOGETHER_OR_IN_TURNS, OTHERS),
+            stream: Stream::new(),
+            queue: Queue::new(),
+            numbers: Vec::new(),
+            tile: TileMemory::new(),
+        }
+    }
+}
+
+impl<S: TraceSimd, Q: Query> Kept<S, Q> {
+    /// Begins a batch. What races have learned holds for the same tree.
+    fn begin(&mut self, tree: &WideTree) {
+        let tree = Some(Identity::of(tree));
+        let is_same = self.tree == tree;
+        self.tree = tree;
+        for race in [&mut self.neighbors, &mut self.others, self.scattered.race()] {
+            if is_same {
+                race.resume();
+            } else {
+                race.restart();
+            }
+        }
     }
 }
 
@@ -124,16 +182,16 @@ pub(super) struct Batch<'a, S: TraceSimd, Q: Query> {
     simd: S,
     tree: &'a WideTree,
     pub(super) tiles: Tiles<'a, S>,
-    /// Coherent neighbors as tiles.
-    neighbors: Race,
-    /// Other rays as streams, or in turns.
-    others: Race,
-    stream: Stream<NodesOf<'a, S, Q>, Q::InBatch<'a, S>>,
-    queue: Queue<NodesOf<'a, S, Q>, Q::InBatch<'a, S>>,
+    neighbors: &'a mut Race,
+    others: &'a mut Race,
+    stream: &'a mut StreamOf<S, Q>,
+    queue: &'a mut QueueOf<S, Q>,
 }
 
+type StreamOf<S, Q> = Stream<NodesOf<S, Q>, <Q as Query>::InBatch<S>>;
+type QueueOf<S, Q> = Queue<NodesOf<S, Q>, <Q as Query>::InBatch<S>>;
 /// What a ray of a query needs at nodes.
-type NodesOf<'a, S, Q> = <<Q as Query>::InBatch<'a, S> as BatchRay<'a, S>>::Nodes;
+type NodesOf<S, Q> = <<Q as Query>::InBatch<S> as BatchRay<S>>::Nodes;
 
 impl<S: TraceSimd, Q: Query> Batch<'_, S, Q> {
     /// Answers one ray.

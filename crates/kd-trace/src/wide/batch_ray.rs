@@ -1,7 +1,7 @@
 //! A ray that traverses among others: in a [stream](super::stream), or in a [queue](super::queue).
 
 use kd_core::Ray;
-use kd_wide::{Child, WIDTH, WideNode};
+use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::stack::Pending;
 use super::subtree::Subtree;
@@ -11,7 +11,7 @@ use crate::planes::Frame;
 pub(super) const IN_LANES: u32 = 0o76_543_210;
 
 /// A ray of many: what it has found, and what it needs for triangles.
-pub(crate) trait BatchRay<'a, S>: Sized {
+pub(crate) trait BatchRay<S>: Sized {
     /// Whether the first hit found ends the search.
     const ANY: bool;
     type Answer;
@@ -49,10 +49,10 @@ pub(crate) trait BatchRay<'a, S>: Sized {
     fn enter_or_pop(nodes: &Self::Nodes, node: &WideNode, pending: &mut Pending<'_>) -> Child;
 
     /// Traces the ray alone below a child, and lowers its limit. `ray` is the one of [`begin`](Self::begin).
-    fn trace_below(&mut self, nodes: &mut Self::Nodes, subtree: Subtree<'a>, ray: &Ray);
+    fn trace_below(&mut self, nodes: &mut Self::Nodes, subtree: Subtree<'_>, ray: &Ray);
 
-    /// What it has found in the end.
-    fn answer(&self) -> Self::Answer;
+    /// What it has found in the tree in the end.
+    fn answer(&self, tree: &WideTree) -> Self::Answer;
 }
 
 /// A ray in the list of a child.

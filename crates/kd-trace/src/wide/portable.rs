@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use kd_core::{Hit, Ray};
 use kd_simd::{Portable, max, min};
-use kd_wide::{Block, Child, WIDTH, WideNode};
+use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
 
 use super::batch::Query;
 use super::batch_ray::{BatchRay, Entry, IN_LANES};
@@ -18,8 +18,8 @@ use crate::probe::Probe;
 use crate::triangle::TriangleTest;
 
 impl TraceSimd for Portable {
-    type ClosestInBatch<'a> = PortableBatchRay<Closest>;
-    type AnyInBatch<'a> = PortableBatchRay<Any>;
+    type ClosestInBatch = PortableBatchRay<Closest>;
+    type AnyInBatch = PortableBatchRay<Any>;
 
     #[inline(always)]
     fn collect<C: Collect, P: Probe>(
@@ -147,7 +147,7 @@ impl PortableRay {
 /// A ray of many, with the collector of its answer.
 pub(crate) struct PortableBatchRay<C>(C);
 
-impl<C: Query, S> BatchRay<'_, S> for PortableBatchRay<C> {
+impl<C: Query, S> BatchRay<S> for PortableBatchRay<C> {
     const ANY: bool = C::ANY;
     type Answer = C::Answer;
     type Nodes = PortableRay;
@@ -206,7 +206,7 @@ impl<C: Query, S> BatchRay<'_, S> for PortableBatchRay<C> {
     }
 
     #[inline(always)]
-    fn answer(&self) -> C::Answer {
+    fn answer(&self, _: &WideTree) -> C::Answer {
         self.0.answer()
     }
 }

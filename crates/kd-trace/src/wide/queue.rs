@@ -38,15 +38,15 @@ impl<N, R> Queue<N, R> {
     /// Traces the rays of some numbers. Passes the number and the answer of each to `take`, in any order; or `None` for a ray that
     /// is to be traced alone.
     #[inline(always)]
-    pub(super) fn trace<'a, S: Simd>(
+    pub(super) fn trace<S: Simd>(
         &mut self,
         simd: S,
-        tree: &'a WideTree,
+        tree: &WideTree,
         rays: &[Ray],
         numbers: &[u32],
         take: impl FnMut(u32, Option<R::Answer>),
     ) where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         let Self(slots) = self;
         slots.resize_with(SLOTS, Slot::new);
@@ -112,9 +112,9 @@ impl<N, R> Slot<N, R> {
 
     /// Visits a node.
     #[inline(always)]
-    fn enter<'a, S>(&mut self, tree: &'a WideTree)
+    fn enter<S>(&mut self, tree: &WideTree)
     where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         let Some((nodes, _)) = &self.ray else { return };
         // SAFETY: the slot is in the list of nodes, so the child is one; it is the root or was read from a node of the tree.
@@ -128,9 +128,9 @@ impl<N, R> Slot<N, R> {
 
     /// Visits a leaf; false if the ray is done.
     #[inline(always)]
-    fn visit<'a, S>(&mut self, tree: &'a WideTree, rays: &[Ray]) -> bool
+    fn visit<S>(&mut self, tree: &WideTree, rays: &[Ray]) -> bool
     where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         let Some((nodes, ray)) = &mut self.ray else {
             return false;
@@ -167,7 +167,7 @@ impl<'a, S, T> Waiting<'_, 'a, S, T> {
     fn begin<R>(&mut self, slot: &mut Slot<R::Nodes, R>) -> bool
     where
         S: Simd,
-        R: BatchRay<'a, S>,
+        R: BatchRay<S>,
         T: FnMut(u32, Option<R::Answer>),
     {
         for number in self.numbers.by_ref() {
@@ -193,11 +193,11 @@ impl<'a, S, T> Waiting<'_, 'a, S, T> {
     fn next<R>(&mut self, slot: &mut Slot<R::Nodes, R>) -> bool
     where
         S: Simd,
-        R: BatchRay<'a, S>,
+        R: BatchRay<S>,
         T: FnMut(u32, Option<R::Answer>),
     {
         if let Some((_, ray)) = &slot.ray {
-            (self.take)(slot.number, Some(ray.answer()));
+            (self.take)(slot.number, Some(ray.answer(self.tree)));
         }
         self.begin(slot)
     }

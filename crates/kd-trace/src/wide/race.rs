@@ -64,6 +64,18 @@ impl Race {
         }
     }
 
+    /// Forgets what was measured.
+    pub(super) fn restart(&mut self) {
+        *self = Self::new(self.ways, self.longest);
+    }
+
+    /// Goes on with the rays of another batch, which may differ: all ways are measured soon.
+    pub(super) fn resume(&mut self) {
+        if let State::Pause(groups) = &mut self.state {
+            *groups = SHORT.min(*groups);
+        }
+    }
+
     /// How to trace the next group.
     #[inline]
     pub(super) fn next(&mut self) -> Way {
@@ -254,6 +266,20 @@ mod tests {
         let mut race = Race::new(TWO, 512);
         trace(&mut race, 3, except(Way::Alone, 2.0));
         assert!(!race.skips(1), "rays together are faster");
+    }
+
+    #[test]
+    fn another_batch_is_measured_soon() {
+        let mut race = Race::new(TWO, 512);
+        let (_, measured) = trace(&mut race, 1000, except(Way::Together, 2.0));
+        assert!(*measured.last().expect("some") < 900, "a long pause");
+        race.resume();
+        let (ways, measured) = trace(&mut race, 18, except(Way::Together, 2.0));
+        assert_eq!(measured, [16, 17]);
+        assert_eq!(ways[0], Way::Alone, "what was learned holds until then");
+        race.restart();
+        let (ways, measured) = trace(&mut race, 3, except(Way::Together, 2.0));
+        assert_eq!((ways[0], measured), (Way::Together, vec![1, 2]));
     }
 
     #[test]

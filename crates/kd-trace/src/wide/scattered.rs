@@ -25,26 +25,36 @@ const PROBE: usize = 1024;
 const PAIRS: usize = 64;
 const FEWEST_ALIKE: usize = 6;
 
-/// The rays of one batch that are in no tile of neighbors, window by window.
+/// Rays that are taken to be random after others that were. (The check takes 5 ns a ray in batches of 256 rays; throw-away
+/// program, 2026-11-30.)
+const LIKE_BEFORE: usize = 4096;
+
+/// Traces the rays of batches that are in no tile of neighbors, window by window.
 pub(super) struct Scattered {
     sorter: Option<Box<Sorter>>,
     race: Race,
     is_done: Vec<bool>,
     alike: Vec<Ray>,
+    /// The next rays, this number of them, are taken to be random.
+    random: usize,
 }
 
 /// Tiles until both ways are measured again, at most. Rays are sorted for that.
 const LONGEST: u32 = 512;
 
 impl Scattered {
-    /// No rays yet.
     pub(super) fn new() -> Self {
         Self {
             sorter: None,
             race: Race::new(AS_TILES, LONGEST),
             is_done: Vec::new(),
             alike: Vec::new(),
+            random: 0,
         }
+    }
+
+    pub(super) fn race(&mut self) -> &mut Race {
+        &mut self.race
     }
 
     /// Traces coherent rays as tiles while that pays, and removes them from `numbers`.
@@ -56,7 +66,15 @@ impl Scattered {
         numbers: &mut Vec<u32>,
         answers: &mut [Q::Answer],
     ) {
-        if numbers.len() < FEWEST_SORTED || are_by_chance(rays, numbers) {
+        if numbers.len() < FEWEST_SORTED {
+            return;
+        }
+        if self.random >= numbers.len() {
+            self.random -= numbers.len();
+            return;
+        }
+        if are_by_chance(rays, numbers) {
+            self.random = LIKE_BEFORE;
             return;
         }
         let groups = u32::try_from(numbers.len() / RAYS).expect("a window is small");

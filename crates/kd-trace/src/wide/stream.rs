@@ -63,15 +63,15 @@ impl<N, R> Stream<N, R> {
     /// Traces the rays of some numbers. Passes the number and the answer of each to `take`, or `None` for a ray that is to be traced
     /// alone.
     #[inline(always)]
-    pub(super) fn trace<'a, S: Simd>(
+    pub(super) fn trace<S: Simd>(
         &mut self,
         simd: S,
-        tree: &'a WideTree,
+        tree: &WideTree,
         all: &[Ray],
         numbers: &[u32],
         mut take: impl FnMut(u32, Option<R::Answer>),
     ) where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         self.nodes.clear();
         self.rays.clear();
@@ -110,7 +110,7 @@ impl<N, R> Stream<N, R> {
             list.clear();
         }
         for (number, ray) in self.numbers.iter().zip(&self.rays) {
-            take(*number, Some(ray.answer()));
+            take(*number, Some(ray.answer(tree)));
         }
     }
 }
@@ -128,7 +128,7 @@ struct Traversal<'s, 'a, N, R> {
     pending: &'s mut Vec<Pending>,
 }
 
-impl<'a, S: Simd, R: BatchRay<'a, S>> Task<S> for Traversal<'_, 'a, R::Nodes, R> {
+impl<'a, S: Simd, R: BatchRay<S>> Task<S> for Traversal<'_, 'a, R::Nodes, R> {
     type Output = ();
 
     #[inline(always)]
@@ -141,7 +141,7 @@ impl<'a, N, R> Traversal<'_, 'a, N, R> {
     #[inline(always)]
     fn walk<S: Simd>(&mut self, simd: S)
     where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         let len = self.list.len();
         self.make_room(len);
@@ -165,7 +165,7 @@ impl<'a, N, R> Traversal<'_, 'a, N, R> {
     #[inline(always)]
     fn trace_alone<S>(&mut self, pending: &Pending)
     where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         // SAFETY: the root, or read from a node of the tree.
         let subtree = unsafe { Subtree::below(self.tree, pending.child) };
@@ -183,7 +183,7 @@ impl<'a, N, R> Traversal<'_, 'a, N, R> {
     #[inline(always)]
     fn enter<S: Simd>(&mut self, simd: S, pending: &Pending)
     where
-        R: BatchRay<'a, S, Nodes = N>,
+        R: BatchRay<S, Nodes = N>,
     {
         // SAFETY: no leaf, and the root or read from a node of the tree.
         let node = unsafe { self.tree.node(pending.child) };

@@ -142,20 +142,35 @@ pub(crate) struct Tiles<'a, S: TraceSimd> {
     tree: &'a WideTree,
     /// Whether the tree is within the limits of tiles.
     fits: bool,
+    tile: &'a mut Tile,
+    alone: &'a mut Alone,
+}
+
+/// The memory of a tile, for one after another.
+pub(crate) struct TileMemory {
     tile: Tile,
     alone: Alone,
+}
+
+impl TileMemory {
+    pub(crate) fn new() -> Self {
+        Self {
+            tile: Tile::new(),
+            alone: Alone::new(),
+        }
+    }
 }
 
 impl<'a, S: TraceSimd> Tiles<'a, S> {
     /// No rays yet.
     #[inline(always)]
-    pub(crate) fn new(simd: S, tree: &'a WideTree) -> Self {
+    pub(crate) fn new(simd: S, tree: &'a WideTree, memory: &'a mut TileMemory) -> Self {
         Self {
             simd,
             tree,
             fits: fits(tree.frame()),
-            tile: Tile::new(),
-            alone: Alone::new(),
+            tile: &mut memory.tile,
+            alone: &mut memory.alone,
         }
     }
 
@@ -183,7 +198,7 @@ impl<'a, S: TraceSimd> Tiles<'a, S> {
         self.trace::<false>(rays, hits);
         self.simd.apart(Waiting {
             blocks: self.tree.blocks(),
-            tile: &self.tile,
+            tile: self.tile,
             hits,
         });
     }
@@ -218,8 +233,8 @@ impl<'a, S: TraceSimd> Tiles<'a, S> {
             simd: self.simd,
             tree: self.tree,
             rays,
-            tile: &mut self.tile,
-            alone: &mut self.alone,
+            tile: self.tile,
+            alone: self.alone,
             hits,
         });
     }

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
-use kd_wide::{Child, WIDTH, WideNode};
+use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::nodes::{NodeRay, Numbers, Prepared, enter_or_pop, meet};
 use super::single::{Any, Closest, Progress, Query, trace};
@@ -21,15 +21,15 @@ pub(crate) struct Avx2BatchRay<Q> {
 }
 
 /// A query of many rays.
-pub(crate) trait BatchQuery<'a>: Query<'a> {
+pub(crate) trait BatchQuery: Query {
     type Answer;
 
     fn begin(simd: Avx2) -> Self;
 
-    fn answer(&self, progress: &Progress) -> Self::Answer;
+    fn answer(&self, tree: &WideTree, progress: &Progress) -> Self::Answer;
 }
 
-impl<'a> BatchQuery<'a> for Closest<'a> {
+impl BatchQuery for Closest {
     type Answer = Option<Hit>;
 
     #[inline(always)]
@@ -38,12 +38,12 @@ impl<'a> BatchQuery<'a> for Closest<'a> {
     }
 
     #[inline(always)]
-    fn answer(&self, progress: &Progress) -> Option<Hit> {
-        hit_or_none(self.hit(progress, &mut ()))
+    fn answer(&self, tree: &WideTree, progress: &Progress) -> Option<Hit> {
+        hit_or_none(self.hit(tree.blocks(), progress, &mut ()))
     }
 }
 
-impl BatchQuery<'_> for Any {
+impl BatchQuery for Any {
     type Answer = bool;
 
     #[inline(always)]
@@ -52,12 +52,12 @@ impl BatchQuery<'_> for Any {
     }
 
     #[inline(always)]
-    fn answer(&self, _: &Progress) -> bool {
+    fn answer(&self, _: &WideTree, _: &Progress) -> bool {
         self.is_hit
     }
 }
 
-impl<'a, Q: BatchQuery<'a>> BatchRay<'a, Avx2> for Avx2BatchRay<Q> {
+impl<Q: BatchQuery> BatchRay<Avx2> for Avx2BatchRay<Q> {
     const ANY: bool = Q::ANY;
     type Answer = Q::Answer;
     type Nodes = NodeRay;
@@ -106,14 +106,14 @@ impl<'a, Q: BatchQuery<'a>> BatchRay<'a, Avx2> for Avx2BatchRay<Q> {
     }
 
     #[inline(always)]
-    fn trace_below(&mut self, nodes: &mut NodeRay, subtree: Subtree<'a>, ray: &Ray) {
+    fn trace_below(&mut self, nodes: &mut NodeRay, subtree: Subtree<'_>, ray: &Ray) {
         // SAFETY: `query` has an `Avx2`.
         unsafe { trace_below(self, nodes, subtree, ray) }
     }
 
     #[inline(always)]
-    fn answer(&self) -> Q::Answer {
-        self.query.answer(&self.progress)
+    fn answer(&self, tree: &WideTree) -> Q::Answer {
+        self.query.answer(tree, &self.progress)
     }
 }
 
@@ -128,10 +128,10 @@ fn usual(ray: &Ray, frame: &Frame) -> Option<NodeRay> {
 
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-fn trace_below<'a, Q: Query<'a>>(
+fn trace_below<Q: Query>(
     ray: &mut Avx2BatchRay<Q>,
     nodes: &mut NodeRay,
-    subtree: Subtree<'a>,
+    subtree: Subtree<'_>,
     numbers: &Ray,
 ) {
     let Avx2BatchRay { progress, query } = ray;

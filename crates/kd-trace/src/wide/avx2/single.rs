@@ -21,10 +21,14 @@ use super::triangles::{Lanes, TriangleRay, candidates};
 use crate::collect::{self, Collect};
 use crate::dispatch::NO_HIT;
 use crate::probe::Probe;
+use crate::wide::eight::BlockLane;
 use crate::wide::portable::PortableRay;
 use crate::wide::stack::Stack;
 use crate::wide::subtree::Subtree;
 use crate::wide::walk::walk;
+
+/// The number of no triangle.
+const NOTHING: u32 = u32::MAX;
 
 /// The closest hit, or [`NO_HIT`].
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
@@ -49,7 +53,7 @@ pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, pro
                 &mut query,
                 probe,
             );
-            query.hit(&progress, probe)
+            query.hit(subtree.tree().blocks(), &progress, probe)
         }
     }
 }
@@ -126,7 +130,7 @@ fn trace_unusual<C: Collect, P: Probe>(
 }
 
 /// What a usual ray looks for, and what it has found.
-pub(crate) trait Query<'a> {
+pub(crate) trait Query {
     /// Whether the first hit found ends the search.
     const ANY: bool;
 
@@ -134,10 +138,19 @@ pub(crate) trait Query<'a> {
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
-        block: &'a Block,
+        place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()>;
+}
+
+/// A block of a tree.
+#[derive(Clone, Copy)]
+pub(crate) struct Place<'a> {
+    block: &'a Block,
+    index: usize,
+    /// All blocks of the tree.
+    blocks: &'a [Block],
 }
 
 /// No hit behind it matters.
@@ -171,8 +184,8 @@ impl Progress {
 /// The traversal loop. `numbers` are those of the ray, for its first leaf.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-pub(super) fn trace<'a, Q: Query<'a>, P: Probe>(
-    subtree: Subtree<'a>,
+pub(super) fn trace<Q: Query, P: Probe>(
+    subtree: Subtree<'_>,
     numbers: impl Fn() -> Numbers,
     nodes: &NodeRay,
     progress: &mut Progress,
@@ -227,10 +240,15 @@ pub(super) fn trace<'a, Q: Query<'a>, P: Probe>(
             limit.depth = limit.steps * ray.speed;
             ray
         });
-        for block in blocks {
+        for (index, block) in (child.blocks().start..).zip(blocks) {
             probe.block();
+            let place = Place {
+                block,
+                index,
+                blocks: tree.blocks(),
+            };
             // Each block loads the numbers of the ray again: in registers they would leave none for the triangles.
-            if query.visit(opaque(ray), block, limit, probe).is_break() {
+            if query.visit(opaque(ray), place, limit, probe).is_break() {
                 return;
             }
         }
@@ -245,49 +263,55 @@ pub(super) fn trace<'a, Q: Query<'a>, P: Probe>(
 }
 
 /// The closest hit.
-pub(crate) struct Closest<'a> {
+pub(crate) struct Closest {
     simd: Avx2,
-    /// A triangle that is surely hit, before `best` and at `first` or behind it.
-    sure: Option<(&'a Block, usize)>,
+    /// The [number](BlockLane::number) of a triangle that is surely hit, before `best` and at `first` or behind it; or [`NOTHING`].
+    sure: u32,
     first: f32,
     /// The first decided hit, or [`NO_HIT`].
     best: Hit,
 }
 
-impl<'a> Query<'a> for Closest<'a> {
+impl Query for Closest {
     const ANY: bool = false;
 
     #[inline(always)]
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
-        block: &'a Block,
+        place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, block, limit, probe) };
+        unsafe { self.visit(ray, place, limit, probe) };
         ControlFlow::Continue(())
     }
 }
 
-impl<'a> Closest<'a> {
+impl Closest {
     #[inline(always)]
     pub(super) fn new(simd: Avx2) -> Self {
         Self {
             simd,
-            sure: None,
+            sure: NOTHING,
             first: f32::INFINITY,
             best: NO_HIT,
         }
     }
 
-    /// The hit in the end, or [`NO_HIT`].
+    /// The hit in the end, or [`NO_HIT`]. `blocks` are those of the tree.
     #[inline(always)]
-    pub(super) fn hit<P: Probe>(&self, progress: &Progress, probe: &mut P) -> Hit {
-        match (self.sure, &progress.triangles) {
-            (Some((block, lane)), Some(ray)) => {
+    pub(super) fn hit<P: Probe>(
+        &self,
+        blocks: &[Block],
+        progress: &Progress,
+        probe: &mut P,
+    ) -> Hit {
+        match &progress.triangles {
+            Some(ray) if self.sure != NOTHING => {
                 probe.decision();
+                let BlockLane { block, lane } = BlockLane::new(blocks, self.sure);
                 ray.hit(block, lane)
             }
             _ => self.best,
@@ -299,10 +323,15 @@ impl<'a> Closest<'a> {
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
-        block: &'a Block,
+        place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,
     ) {
+        let Place {
+            block,
+            index,
+            blocks,
+        } = place;
         let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
             return;
         };
@@ -313,24 +342,26 @@ impl<'a> Closest<'a> {
             let [first, last] = candidates.interval(lane);
             let lane = lane as usize % WIDTH;
             if candidates.sure != 0 && last < self.first {
-                self.sure = Some((block, lane));
+                self.sure = BlockLane::number(index, lane);
                 self.first = first;
                 limit.depth = last;
                 // Two roundings: the bound between planes and hits has room for them.
                 limit.steps = last * ray.per_depth;
                 return;
             }
-            let is_known = self
-                .sure
-                .is_some_and(|(other, l)| other.triangles[l] == block.triangles[lane])
-                && (first == self.first) & (last == limit.depth);
+            let is_known = (first == self.first) & (last == limit.depth) & (self.sure != NOTHING)
+                && BlockLane::new(blocks, self.sure).triangle() == block.triangles[lane];
             if is_known {
                 return;
             }
         }
         probe.decision();
-        self.best = decide_closest(self.simd, ray, self.sure, self.best, block, lanes);
-        self.sure = None;
+        if self.sure != NOTHING {
+            let BlockLane { block, lane } = BlockLane::new(blocks, self.sure);
+            self.best = first_of(self.best, ray.hit(block, lane));
+        }
+        self.best = decide_closest(self.simd, ray, self.best, block, lanes);
+        self.sure = NOTHING;
         self.first = f32::INFINITY;
         // False for `NO_HIT`.
         if self.best.t <= limit.steps {
@@ -340,30 +371,25 @@ impl<'a> Closest<'a> {
     }
 }
 
-/// The first of a triangle that is surely hit, a decided hit, and some lanes of a block.
+/// The first of two hits, of which the first may be [`NO_HIT`].
+#[inline(always)]
+fn first_of(best: Hit, hit: Hit) -> Hit {
+    if best.t.is_nan() || hit.is_before(&best) {
+        hit
+    } else {
+        best
+    }
+}
+
+/// The first of a decided hit and some lanes of a block.
 #[cold]
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
-fn decide_closest(
-    simd: Avx2,
-    ray: &TriangleRay,
-    sure: Option<(&Block, usize)>,
-    best: Hit,
-    block: &Block,
-    lanes: u32,
-) -> Hit {
+fn decide_closest(simd: Avx2, ray: &TriangleRay, best: Hit, block: &Block, lanes: u32) -> Hit {
     let mut best = best;
-    let mut keep_first = |hit: Hit| {
-        if best.t.is_nan() || hit.is_before(&best) {
-            best = hit;
-        }
-    };
-    if let Some((block, lane)) = sure {
-        keep_first(ray.hit(block, lane));
-    }
     for lane in Lanes(lanes) {
         if let Some(hit) = ray.decide(simd, block, lane) {
-            keep_first(hit);
+            best = first_of(best, hit);
         }
     }
     best
@@ -375,19 +401,19 @@ pub(crate) struct Any {
     pub(super) is_hit: bool,
 }
 
-impl<'a> Query<'a> for Any {
+impl Query for Any {
     const ANY: bool = true;
 
     #[inline(always)]
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
-        block: &'a Block,
+        place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, block, limit, probe) }
+        unsafe { self.visit(ray, place.block, limit, probe) }
     }
 }
 
@@ -432,19 +458,19 @@ struct Collecting<'c, C> {
     collector: &'c mut C,
 }
 
-impl<'a, C: Collect> Query<'a> for Collecting<'_, C> {
+impl<C: Collect> Query for Collecting<'_, C> {
     const ANY: bool = C::ANY;
 
     #[inline(always)]
     fn visit<P: Probe>(
         &mut self,
         ray: &TriangleRay,
-        block: &'a Block,
+        place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, block, limit, probe) }
+        unsafe { self.visit(ray, place.block, limit, probe) }
     }
 }
 
