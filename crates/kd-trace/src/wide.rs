@@ -5,9 +5,10 @@
 //! eight rays    packet: coherent lanes traverse together
 //! many rays     batch ─▶ tile: up to 64 coherent neighbors traverse together
 //!                    ├─▶ scattered ─▶ sorter ─▶ tile: coherent rays that are not neighbors
-//!                    ├─▶ stream: incoherent rays, sorted into the children of each node
-//!                    ├─▶ queue: incoherent rays, sixteen at a time, in turns
-//!                    └─▶ one by one, where a race shows that this is faster
+//!                    └─▶ incoherent ─▶ stream: up to 1024 rays, divided into the children of each node
+//!                                   ├─▶ queue: sixteen rays at a time, in turns
+//!                                   └─▶ one by one
+//!               race: which way is fastest, or one ray after another; kept: for the next batch of a thread
 //! ```
 //!
 //! The nodes and how they are made are in `kd-wide`.
@@ -17,6 +18,7 @@ pub(crate) mod avx2;
 pub(crate) mod batch;
 pub(crate) mod batch_ray;
 mod eight;
+mod incoherent;
 mod kept;
 mod limits;
 pub(crate) mod packet;

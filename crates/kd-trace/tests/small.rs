@@ -117,7 +117,7 @@ fn every_way_to_ask_gives_the_same_answers() {
         }
         // Under Miri enough rays for each way of a batch: as streams, in turns and one by one.
         let repeated = |i: usize| 2 * tile + i * 7 % (rays.len() - 2 * tile);
-        let many: Vec<Ray> = (0..5 * 64).map(|i| rays[repeated(i)]).collect();
+        let many: Vec<Ray> = (0..5 * 96).map(|i| rays[repeated(i)]).collect();
         let mut hits = vec![None; many.len()];
         wide.intersect_batch(&many, &mut hits);
         let mut occluded = vec![false; many.len()];

@@ -91,6 +91,12 @@ impl Race {
         }
     }
 
+    /// How many times all ways were measured since the fastest one changed, at least.
+    #[inline]
+    pub(super) fn rounds(&self) -> u32 {
+        self.rounds
+    }
+
     /// Whether to [`learn`](Self::learn) the time of the next group.
     #[inline]
     pub(super) fn measures(&self) -> bool {

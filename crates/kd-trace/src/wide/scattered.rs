@@ -61,7 +61,7 @@ impl Scattered {
     #[inline(always)]
     pub(super) fn trace<S: TraceSimd, Q: Query>(
         &mut self,
-        batch: &mut Batch<'_, S, Q>,
+        batch: &mut Batch<'_, S>,
         rays: &[Ray],
         numbers: &mut Vec<u32>,
         answers: &mut [Q::Answer],
@@ -112,7 +112,7 @@ impl Scattered {
                 Way::Together => clock,
                 Way::InTurns | Way::Alone => Stopwatch::start(),
             });
-            batch.trace_gathered(way, &self.alike, found);
+            batch.trace_gathered::<Q>(way, &self.alike, found);
             if let Some(clock) = clock {
                 let time = clock.per_ray(run.len());
                 let before = match way {

@@ -12,7 +12,7 @@ use crate::tiles::{check, levels};
 
 /// Fewer than are traced together, as many and a few more, and many: the last batch is traced as streams, in turns and one by one,
 /// to measure which is fastest.
-const COUNTS: [usize; 6] = [1, 63, 64, 65, 500, 3000];
+const COUNTS: [usize; 6] = [1, 95, 96, 97, 500, 3000];
 
 #[test]
 fn hard_rays() {

@@ -134,8 +134,9 @@ pub(crate) trait Query {
     /// Whether the first hit found ends the search.
     const ANY: bool;
 
-    /// Tests the triangles of a block up to a limit, and lowers the limit. Breaks if no other hit can matter.
-    fn visit<P: Probe>(
+    /// Tests the triangles of a block up to a limit, and lowers the limit. Breaks if no other hit can matter. Each `Caller` gets a
+    /// copy of its own, which the compiler inlines.
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         place: Place<'_>,
@@ -184,9 +185,9 @@ impl Progress {
 /// The traversal loop. `numbers` are those of the ray, for its first leaf.
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
-pub(super) fn trace<Q: Query, P: Probe>(
+pub(super) fn trace<Q: Query, P: Probe, Caller: Fn() -> Numbers>(
     subtree: Subtree<'_>,
-    numbers: impl Fn() -> Numbers,
+    numbers: Caller,
     nodes: &NodeRay,
     progress: &mut Progress,
     query: &mut Q,
@@ -248,7 +249,8 @@ pub(super) fn trace<Q: Query, P: Probe>(
                 blocks: tree.blocks(),
             };
             // Each block loads the numbers of the ray again: in registers they would leave none for the triangles.
-            if query.visit(opaque(ray), place, limit, probe).is_break() {
+            let found = query.visit::<P, Caller>(opaque(ray), place, limit, probe);
+            if found.is_break() {
                 return;
             }
         }
@@ -276,7 +278,7 @@ impl Query for Closest {
     const ANY: bool = false;
 
     #[inline(always)]
-    fn visit<P: Probe>(
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         place: Place<'_>,
@@ -284,7 +286,7 @@ impl Query for Closest {
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, place, limit, probe) };
+        unsafe { self.visit::<P, Caller>(ray, place, limit, probe) };
         ControlFlow::Continue(())
     }
 }
@@ -320,7 +322,7 @@ impl Closest {
 
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
-    fn visit<P: Probe>(
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         place: Place<'_>,
@@ -332,7 +334,7 @@ impl Closest {
             index,
             blocks,
         } = place;
-        let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
+        let Some(candidates) = candidates::<(Self, P, Caller)>(ray, block, limit.depth) else {
             return;
         };
         let candidates = candidates.in_front();
@@ -405,7 +407,7 @@ impl Query for Any {
     const ANY: bool = true;
 
     #[inline(always)]
-    fn visit<P: Probe>(
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         place: Place<'_>,
@@ -413,7 +415,7 @@ impl Query for Any {
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, place.block, limit, probe) }
+        unsafe { self.visit::<P, Caller>(ray, place.block, limit, probe) }
     }
 }
 
@@ -428,14 +430,14 @@ impl Any {
 
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
-    fn visit<P: Probe>(
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         block: &Block,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
-        let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
+        let Some(candidates) = candidates::<(Self, P, Caller)>(ray, block, limit.depth) else {
             return ControlFlow::Continue(());
         };
         let mut any = collect::Any(candidates.sure != 0);
@@ -462,7 +464,7 @@ impl<C: Collect> Query for Collecting<'_, C> {
     const ANY: bool = C::ANY;
 
     #[inline(always)]
-    fn visit<P: Probe>(
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         place: Place<'_>,
@@ -470,21 +472,21 @@ impl<C: Collect> Query for Collecting<'_, C> {
         probe: &mut P,
     ) -> ControlFlow<()> {
         // SAFETY: there is an `Avx2`.
-        unsafe { self.visit(ray, place.block, limit, probe) }
+        unsafe { self.visit::<P, Caller>(ray, place.block, limit, probe) }
     }
 }
 
 impl<C: Collect> Collecting<'_, C> {
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
-    fn visit<P: Probe>(
+    fn visit<P: Probe, Caller>(
         &mut self,
         ray: &TriangleRay,
         block: &Block,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()> {
-        let Some(candidates) = candidates::<(Self, P)>(ray, block, limit.depth) else {
+        let Some(candidates) = candidates::<(Self, P, Caller)>(ray, block, limit.depth) else {
             return ControlFlow::Continue(());
         };
         ray.take_each(self.simd, block, candidates.lanes, self.collector, probe)?;
