@@ -22,9 +22,9 @@ pub(super) const FEWEST: usize = 16;
 /// Ways to trace coherent rays.
 pub(super) const AS_TILES: &[Way] = &[Way::Together, Way::Alone];
 
-/// Tiles until both ways are measured again, at most. (Neighbors differ from one part of a picture to the next: with 512 tiles,
+/// Tiles until both ways are measured again. (Neighbors differ from one part of a picture to the next: with 512 tiles,
 /// shadow rays took twice as long in one of seven scenes. `cargo xtask rays --scenes DIR`, 2026-11-30.)
-const NEIGHBORS: u32 = 64;
+const NEIGHBORS: [u32; 2] = [16, 64];
 
 /// Rays that are sorted together.
 const WINDOW: usize = 4096;

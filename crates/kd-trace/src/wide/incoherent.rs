@@ -27,8 +27,8 @@ const IN_STREAM: usize = if cfg!(miri) { FEWEST } else { 1024 };
 /// The rays of a measurement.
 const MEASURED: usize = if cfg!(miri) { FEWEST } else { 16 * FEWEST };
 
-/// Streams until all ways are measured again, at most.
-const LONGEST: u32 = 128;
+/// Streams until all ways are measured again.
+const PAUSES: [u32; 2] = [16, 128];
 
 /// Traces the rays of batches that are in no tile.
 pub(super) struct Incoherent<S: TraceSimd, Q: Query> {
@@ -48,7 +48,7 @@ type Rays<'a, S> = (S, &'a WideTree, &'a [Ray]);
 impl<S: TraceSimd, Q: Query> Incoherent<S, Q> {
     pub(super) fn new() -> Self {
         Self {
-            race: Race::new(WAYS, LONGEST),
+            race: Race::new(WAYS, PAUSES),
             stream: Stream::new(),
             queue: Queue::new(),
             shares: Default::default(),

@@ -22,8 +22,8 @@ const MOST_WAYS: usize = 3;
 pub(super) struct Race {
     /// Rays alone come last.
     ways: &'static [Way],
-    /// The most groups that are traced in the fastest way until all are measured again.
-    longest: u32,
+    /// The fewest and the most groups that are traced in the fastest way until all are measured again.
+    pauses: [u32; 2],
     /// By way, the time of a ray in nanoseconds: the mean of the last measurement and the mean before it.
     times: [f32; MOST_WAYS],
     /// The fastest way by these.
@@ -43,8 +43,6 @@ enum State {
 
 /// Rounds of measurements in a row: rays differ, so one group each says little.
 const IN_A_ROW: u32 = 2;
-/// Groups to trace in the fastest way after these.
-const SHORT: u32 = 16;
 /// A measurement is clear where each other way takes longer by this factor.
 const CLEAR: f32 = 1.4;
 /// Rays together must be faster than alone by this factor. (What is saved then is less than a wrong choice costs.)
@@ -52,11 +50,11 @@ const MARGIN: f32 = 1.05;
 
 impl Race {
     /// Nothing is measured yet. The first group is traced in the first way and not measured: it finds code and memory cold.
-    pub(super) fn new(ways: &'static [Way], longest: u32) -> Self {
+    pub(super) fn new(ways: &'static [Way], pauses: [u32; 2]) -> Self {
         debug_assert_eq!(ways.last(), Some(&Way::Alone), "rays alone come last");
         Self {
             ways,
-            longest,
+            pauses,
             times: [0.0; MOST_WAYS],
             fastest: 0,
             rounds: 0,
@@ -66,13 +64,13 @@ impl Race {
 
     /// Forgets what was measured.
     pub(super) fn restart(&mut self) {
-        *self = Self::new(self.ways, self.longest);
+        *self = Self::new(self.ways, self.pauses);
     }
 
     /// Goes on with the rays of another batch, which may differ: all ways are measured soon.
     pub(super) fn resume(&mut self) {
         if let State::Pause(groups) = &mut self.state {
-            *groups = SHORT.min(*groups);
+            *groups = self.pauses[0].min(*groups);
         }
     }
 
@@ -152,7 +150,8 @@ impl Race {
             self.rounds = 0;
         }
         if let Some(doublings) = self.rounds.checked_sub(IN_A_ROW) {
-            self.state = State::Pause(self.longest.min(SHORT << doublings.min(8)));
+            let [shortest, longest] = self.pauses;
+            self.state = State::Pause(longest.min(shortest << doublings.min(8)));
         }
     }
 }
@@ -185,6 +184,7 @@ mod tests {
     use super::*;
 
     const TWO: &[Way] = &[Way::Together, Way::Alone];
+    const PAUSES: [u32; 2] = [16, 512];
     const THREE: &[Way] = &[Way::Together, Way::InTurns, Way::Alone];
 
     /// The ways of some groups, and the numbers of those that are measured.
@@ -221,7 +221,7 @@ mod tests {
             (2.0, Way::Alone, clearly),
             (0.5, Way::Together, clearly),
         ] {
-            let mut race = Race::new(TWO, 512);
+            let mut race = Race::new(TWO, PAUSES);
             let (ways, measured) = trace(&mut race, 2000, except(Way::Together, together));
             assert_eq!(measured[..10], expected, "{faster:?}");
             assert!(measured.len() < 40, "{faster:?}: seldom");
@@ -238,13 +238,13 @@ mod tests {
     #[test]
     fn the_fastest_of_three_ways_is_taken() {
         for fastest in THREE {
-            let mut race = Race::new(THREE, 512);
+            let mut race = Race::new(THREE, PAUSES);
             let (ways, measured) = trace(&mut race, 500, except(*fastest, 0.5));
             assert_eq!(measured[..6], [1, 2, 3, 36, 37, 38]);
             let count = ways.iter().filter(|way| *way == fastest).count();
             assert!(count > 480, "{fastest:?}: {count} of 500 groups");
         }
-        let mut race = Race::new(THREE, 512);
+        let mut race = Race::new(THREE, PAUSES);
         let (ways, measured) = trace(&mut race, 8, except(Way::InTurns, 0.9));
         assert_eq!(measured, [1, 2, 3, 4, 5, 6], "not clear: once more");
         assert_eq!(ways[7], Way::InTurns);
@@ -253,7 +253,7 @@ mod tests {
     #[test]
     fn rays_together_must_be_faster_than_alone_by_a_margin() {
         for (together, expected) in [(0.97, Way::Alone), (0.94, Way::Together)] {
-            let mut race = Race::new(TWO, 512);
+            let mut race = Race::new(TWO, PAUSES);
             let (ways, _) = trace(&mut race, 10, except(Way::Together, together));
             assert_eq!(ways[9], expected, "{together}");
         }
@@ -261,22 +261,22 @@ mod tests {
 
     #[test]
     fn groups_are_skipped_while_rays_alone_are_faster() {
-        let mut race = Race::new(TWO, 512);
+        let mut race = Race::new(TWO, PAUSES);
         assert!(!race.skips(1), "nothing is known");
         trace(&mut race, 3, except(Way::Together, 2.0));
-        assert!(race.skips(SHORT), "no measurement is due");
-        assert!(race.skips(2 * SHORT), "more than are left");
+        assert!(race.skips(16), "no measurement is due");
+        assert!(race.skips(32), "more than are left");
         assert!(!race.skips(1), "one is left");
         assert_eq!(race.next(), Way::Alone, "the last of the pause");
         assert!(race.measures(), "then both ways");
-        let mut race = Race::new(TWO, 512);
+        let mut race = Race::new(TWO, PAUSES);
         trace(&mut race, 3, except(Way::Alone, 2.0));
         assert!(!race.skips(1), "rays together are faster");
     }
 
     #[test]
     fn another_batch_is_measured_soon() {
-        let mut race = Race::new(TWO, 512);
+        let mut race = Race::new(TWO, PAUSES);
         let (_, measured) = trace(&mut race, 1000, except(Way::Together, 2.0));
         assert!(*measured.last().expect("some") < 900, "a long pause");
         race.resume();
@@ -290,7 +290,7 @@ mod tests {
 
     #[test]
     fn a_change_is_noticed() {
-        let mut race = Race::new(TWO, 512);
+        let mut race = Race::new(TWO, PAUSES);
         trace(&mut race, 300, except(Way::Alone, 2.0));
         let (ways, _) = trace(&mut race, 1000, except(Way::Together, 2.0));
         assert_eq!(ways[999], Way::Alone);
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn one_slow_group_among_others_changes_little() {
-        let mut race = Race::new(TWO, 512);
+        let mut race = Race::new(TWO, PAUSES);
         let mut count = 0;
         let (ways, _) = trace(&mut race, 1000, |way| {
             count += 1;

@@ -39,14 +39,14 @@ pub(super) struct Scattered {
     random: usize,
 }
 
-/// Tiles until both ways are measured again, at most. Rays are sorted for that.
-const LONGEST: u32 = 512;
+/// Tiles until both ways are measured again. Rays are sorted for that, which takes as long as some of them alone.
+const PAUSES: [u32; 2] = [128, 1024];
 
 impl Scattered {
     pub(super) fn new() -> Self {
         Self {
             sorter: None,
-            race: Race::new(AS_TILES, LONGEST),
+            race: Race::new(AS_TILES, PAUSES),
             is_done: Vec::new(),
             alike: Vec::new(),
             random: 0,
