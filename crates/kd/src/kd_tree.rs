@@ -197,8 +197,12 @@ impl KdTree {
     /// Batches detect coherent rays; the caller declares nothing. In the wide layout, every 64 rays in a row form a tile that
     /// descends together where its rays are coherent: camera rays in tiles of 8 by 8 pixels or in rows, shadow rays from
     /// neighboring points to one light, parallel rays. Rays that diverge on the way continue alone. Mirrored rays are sorted, up
-    /// to 4096 at a time, into coherent groups. Incoherent rays take turns, sixteen at a time, which hides the latency of
-    /// memory. The binary layout traces one ray after the other. All work runs on the calling thread.
+    /// to 4096 at a time, into coherent groups. Incoherent rays are traced as streams, up to 1024 at a time, which each node
+    /// divides, or sixteen at a time in turns. Each of these ways is timed on the way against single rays, and used where it is
+    /// faster. So batches of a few thousand rays or more suit best; incoherent rays gain little below 1000. The binary layout
+    /// traces one ray after the other. All work runs on the calling thread.
+    ///
+    /// The thread keeps the memory of a batch, a few MB at most, and what it has learned of the tree, for its next batch.
     ///
     /// ```
     /// use kd::glam::Vec3;

@@ -55,9 +55,9 @@ pub(crate) trait BatchRay<S>: Sized {
     fn answer(&self, tree: &WideTree) -> Self::Answer;
 }
 
-/// A ray in the list of a child.
+/// A ray in the list of a child, as aligned as one number of its size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C)]
+#[repr(C, align(8))]
 pub(crate) struct Entry {
     /// Where it enters the child's box.
     pub(super) enter: f32,

@@ -16,8 +16,8 @@ pub(super) enum Way {
 /// Most ways of one race.
 const MOST_WAYS: usize = 3;
 
-/// Groups are traced in the fastest way, but now and then all ways are measured: one group each, since rays that pass where others
-/// passed before find memory in the cache.
+/// Groups are traced in the fastest way, but now and then all ways are measured. Each way traces other rays: the same rays would find
+/// what they need in the cache.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Race {
     /// Rays alone come last.

@@ -187,7 +187,8 @@ fn divide(rays: &[NodeRay], list: &[Entry], node: &WideNode, lists: &mut [Entry]
                 let ends = ends.cast_unsigned();
                 let entries = _mm_castps_pd(entries);
                 let (first, second) = ((ends & 0xffff_ffff) as usize, (ends >> 32) as usize);
-                // SAFETY: the end of a list is at most its start plus the number of rays before: within `lists`.
+                // SAFETY: the end of a list is at most its start plus the number of rays before: within `lists`. An entry is two
+                // numbers, and aligned as a double.
                 unsafe { _mm_storel_pd(to.add(first).cast(), entries) };
                 // SAFETY: the same.
                 unsafe { _mm_storeh_pd(to.add(second).cast(), entries) };
