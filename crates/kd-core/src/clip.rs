@@ -217,14 +217,16 @@ impl GrowingBox {
         self.max = self.max.max(point);
     }
 
-    /// The box in f32, rounded outwards and intersected with the cell; `None` without points.
+    /// The box in f32, rounded outwards and moved into the cell; `None` without points.
+    ///
+    /// Points of a triangle that is 2⁵³ times as large as the cell may be outside by more than the cell's size, so both ends are moved.
     #[inline]
     fn rounded_outwards(&self, cell: &Aabb) -> Option<Aabb> {
-        let outwards = Aabb {
-            min: Vec3::from_array(self.min.to_array().map(round_down)),
-            max: Vec3::from_array(self.max.to_array().map(round_up)),
-        };
-        (self.min.x <= self.max.x).then(|| outwards.intersection(cell))
+        let inside = |corner: Vec3| corner.max(cell.min).min(cell.max);
+        (self.min.x <= self.max.x).then(|| Aabb {
+            min: inside(Vec3::from_array(self.min.to_array().map(round_down))),
+            max: inside(Vec3::from_array(self.max.to_array().map(round_up))),
+        })
     }
 }
 
@@ -303,6 +305,48 @@ mod tests {
             Vec3::new(2.0, 1.0, 0.0),
             "y is at most 1 where x is at least 1"
         );
+    }
+
+    /// Where an edge has a length of 2⁵³ times a coordinate of its lower end, a point on it loses that coordinate.
+    #[test]
+    fn boxes_of_triangles_far_larger_than_the_cell_are_inside_of_it() {
+        let cases = [
+            (
+                [
+                    [-1.797_451_1e-13, 3.055_902_2e-9, 4.254_409_3e-16],
+                    [1.784_551_4e17, -1.322_044_6e11, 672.0],
+                    [-1.652_538_8e-5, 5.826_450_4e-11, -4.198_227_5e-9],
+                ],
+                [1.743_218_5e-24, -2.857_569_7e-25, -6.070_568_7e-25],
+                [1.988_559e22, 7.500_363_3e-25, 0.0],
+            ),
+            (
+                [
+                    [-2.395_561e14, -5.836_665e20, -2.479_882_2e8],
+                    [-1.328_714_9e-11, 2.872_369e-12, -3.532_127_4e-19],
+                    [0.0, 0.0, -3.996_491_4e-5],
+                ],
+                [-2.980_993_8e22, -1.183_291_4e-27, -5.108_486_5e-24],
+                [-1.115_798_95e-4, -2.688_043_5e-28, 1.866_444_9e-27],
+            ),
+        ];
+        for (corners, min, max) in cases {
+            let corners = corners.map(Vec3::from_array);
+            let cell = Aabb {
+                min: Vec3::from_array(min),
+                max: Vec3::from_array(max),
+            };
+            let position = cell.center().y;
+            let (lower, upper) = cell.split(Axis::Y, position);
+            let whole = clipped_bounds(corners, &cell);
+            let halves = clipped_halves(corners, &cell, Axis::Y, position);
+            for (part, cell) in [(whole, cell), (halves[0], lower), (halves[1], upper)] {
+                let part = part.expect("the triangle meets both halves");
+                let is_inside = cell.min.cmple(part.min) & part.max.cmple(cell.max);
+                let is_box = part.min.cmple(part.max);
+                assert!((is_inside & is_box).all(), "{part:?} in {cell:?}");
+            }
+        }
     }
 
     #[test]
