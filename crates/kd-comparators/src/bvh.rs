@@ -63,7 +63,8 @@ impl Bvh {
         options.check()?;
         let mesh = mesh.into();
         let is_parallel = options.threads != 1;
-        let (nodes, triangles) = kd_tasks::in_pool_of(options.threads, || {
+        let threads = kd_tasks::useful_threads(options.threads, mesh.len());
+        let (nodes, triangles) = kd_tasks::in_pool_of(threads, || {
             let items = kd_tasks::collect(mesh.count(), is_parallel, |triangle| {
                 Item::whole(triangle, &mesh)
             });

@@ -57,7 +57,7 @@ pub(crate) fn build(mesh: &Mesh, options: &GridOptions) -> Result<Cells, GridErr
         is_parallel: options.threads != 1 && mesh.len() > FEW,
     };
     let threads = if build.is_parallel {
-        options.threads
+        kd_tasks::useful_threads(options.threads, mesh.len())
     } else {
         1
     };

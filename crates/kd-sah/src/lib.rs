@@ -125,7 +125,8 @@ fn build_tracked<S: PrimSource>(
     tracker: &Tracker<'_>,
 ) -> Result<Tree, BuildError> {
     options.check()?;
-    let (output, bounds) = kd_tasks::in_pool_of(options.threads, || {
+    let threads = kd_tasks::useful_threads(options.threads, source.count() as usize);
+    let (output, bounds) = kd_tasks::in_pool_of(threads, || {
         let (place, prims) = root_cell(source, options.threads != 1)?;
         let task = Task {
             source,

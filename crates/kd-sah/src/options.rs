@@ -185,7 +185,8 @@ impl BuildOptions {
     }
 
     /// Sets the number of threads: 1 builds on the calling thread, 0 in the thread pool in scope (by default one thread per core).
-    /// Without feature `parallel` it is always one. The tree does not depend on it.
+    /// Without feature `parallel` it is always one. The tree does not depend on it. A build starts no more threads than it can use:
+    /// one for every 256 primitives, and eight for each core.
     #[must_use]
     pub const fn with_threads(mut self, threads: usize) -> Self {
         self.threads = threads;

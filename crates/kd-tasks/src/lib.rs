@@ -59,6 +59,33 @@ pub fn threads() -> usize {
     }
 }
 
+/// Items of a thread that are worth starting it, and threads that a core can keep busy.
+const ITEMS_OF_A_THREAD: usize = 256;
+const THREADS_OF_A_CORE: usize = 8;
+
+/// How many of `threads` requested threads work on this number of items can use: at least 2 if 2 and more are requested, so that
+/// there is a pool. More would take longer to start than the work takes. A number that cannot be started stays, and is refused by
+/// [`with_threads`].
+///
+/// ```
+/// assert_eq!(kd_tasks::useful_threads(1000, 300), 2);
+/// assert_eq!(kd_tasks::useful_threads(1, 1_000_000), 1);
+/// # #[cfg(feature = "parallel")]
+/// assert_eq!(kd_tasks::useful_threads(usize::MAX, 300), usize::MAX, "refused later");
+/// ```
+pub fn useful_threads(threads: usize, items: usize) -> usize {
+    #[cfg(feature = "parallel")]
+    let most_started = rayon::max_num_threads();
+    #[cfg(not(feature = "parallel"))]
+    let most_started = usize::MAX;
+    if threads > most_started {
+        return threads;
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let most = (items / ITEMS_OF_A_THREAD).min(THREADS_OF_A_CORE * cores);
+    threads.min(most.max(2))
+}
+
 /// Runs `work` with a pool of `threads` threads in scope. 0 keeps the pool in scope. 1 runs `work` on the calling thread
 /// without starting a pool; functions that it calls must then be given `is_parallel = false`.
 ///
