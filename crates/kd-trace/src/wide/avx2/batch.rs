@@ -158,8 +158,9 @@ fn divide(rays: &[NodeRay], list: &[Entry], node: &WideNode, lists: &mut [Entry]
     };
     let rows = rays[first.ray as usize].rows;
     let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-    let each = i32::try_from(count).expect("fewer rays than 2^28");
-    let starts = _mm256_mullo_epi32(lanes, _mm256_set1_epi32(each));
+    let all = i32::try_from(WIDTH * count).expect("fewer than 2^28 rays");
+    let each = _mm256_set1_epi32(all >> WIDTH.ilog2());
+    let starts = _mm256_mullo_epi32(lanes, each);
     let mut ends = starts;
     let to = lists.as_mut_ptr();
     for entry in list {
