@@ -196,10 +196,11 @@ impl<S: TraceSimd> Batch<'_, S> {
     ) {
         let way = self.neighbors.next();
         // Rays alone need not be gathered.
-        let clock = clock.map(|clock| match way {
-            Way::Together => clock,
-            Way::InTurns | Way::Alone => Stopwatch::start(),
-        });
+        let clock = if way == Way::Alone {
+            clock.map(|_| Stopwatch::start())
+        } else {
+            clock
+        };
         self.trace_gathered::<Q>(way, rays, answers);
         if let Some(clock) = clock {
             self.neighbors.learn(clock.per_ray(rays.len()));
@@ -214,13 +215,12 @@ impl<S: TraceSimd> Batch<'_, S> {
         rays: &[Ray],
         answers: &mut [Q::Answer],
     ) {
-        match way {
-            Way::Together => Q::trace(&mut self.tiles, rays, answers),
-            Way::InTurns | Way::Alone => {
-                for (ray, answer) in rays.iter().zip(answers) {
-                    *answer = Q::one(self.simd, self.tree, ray);
-                }
-            }
+        if way == Way::Together {
+            Q::trace(&mut self.tiles, rays, answers);
+            return;
+        }
+        for (ray, answer) in rays.iter().zip(answers) {
+            *answer = Q::one(self.simd, self.tree, ray);
         }
     }
 }

@@ -108,18 +108,14 @@ impl Scattered {
             let found = &mut found[..run.len()];
             let way = self.race.next();
             // Rays alone need not be sorted and gathered.
-            let clock = clock.map(|clock| match way {
-                Way::Together => clock,
-                Way::InTurns | Way::Alone => Stopwatch::start(),
-            });
+            let (clock, before) = if way == Way::Alone {
+                (clock.map(|_| Stopwatch::start()), 0.0)
+            } else {
+                (clock, sorting)
+            };
             batch.trace_gathered::<Q>(way, &self.alike, found);
             if let Some(clock) = clock {
-                let time = clock.per_ray(run.len());
-                let before = match way {
-                    Way::Together => sorting,
-                    Way::InTurns | Way::Alone => 0.0,
-                };
-                self.race.learn(before + time);
+                self.race.learn(before + clock.per_ray(run.len()));
             }
             for (number, answer) in run.iter().zip(found) {
                 answers[*number as usize] = *answer;

@@ -1,4 +1,4 @@
-//! Rays of a stream: which of a node's children each of many rays meets.
+//! A ray among others: many rays at one node, one step of a ray, and the rest of its way alone.
 
 use std::arch::x86_64::*;
 
