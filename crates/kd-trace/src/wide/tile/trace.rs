@@ -12,8 +12,9 @@ use crate::dispatch::{TraceSimd, hit_or_none};
 use crate::wide::eight::{BlockLane, decide};
 use crate::wide::subtree::Subtree;
 
-/// At most this number of rays is faster one by one. (With 4, primary rays of a scan took 1.2 times as long; with 16, those of a room
-/// 1.08 times. Throw-away program, 2026-11-30.)
+/// At most this number of rays is faster one by one. (With 4, primary rays of a scan took 1.2 times as long from one camera, and those
+/// of five other scenes as long; with 16, those of a room took 1.08 times as long. Throw-away program, 2026-11-30. The mean over the
+/// scenes of `cargo xtask rays --scenes DIR` is the same with 4.)
 const FEW: u32 = 8;
 
 /// Traces the rays that were gathered in a tile: up to 64.
