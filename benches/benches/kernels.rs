@@ -37,6 +37,11 @@ fn build(criterion: &mut Criterion) {
     }
     let tree = kd::custom::build(&*mesh, &BuildOptions::balanced()).expect("a small scene");
     group.bench_function("wide nodes", |bencher| {
+        let options = BuildOptions::balanced().with_threads(1);
+        let build = |mesh| KdTree::build(mesh, &options).expect("a small scene");
+        bencher.iter_batched(|| Arc::clone(&mesh), build, BatchSize::LargeInput);
+    });
+    group.bench_function("wide nodes of a kd-tree", |bencher| {
         bencher.iter(|| WideTree::new(black_box(&tree), &mesh));
     });
     group.finish();
@@ -63,7 +68,10 @@ fn single_ray(criterion: &mut Criterion) {
                 .count()
         });
     });
-    let binary = tree.clone().with_layout(Layout::Binary);
+    let binary = tree
+        .clone()
+        .with_layout(Layout::Binary)
+        .expect("within limits");
     group.bench_function("closest, binary layout", |bencher| {
         bencher.iter(|| {
             rays.iter()

@@ -46,7 +46,8 @@ pub(super) fn compare(
         let baseline = build(&workload.scene, fitted)?;
         for (index, model) in models.iter().enumerate() {
             let tree = build(&workload.scene, *model)?;
-            refs[index].push(tree.tree().refs().len() as f64 / baseline.tree().refs().len() as f64);
+            let [own, usual] = [&tree, &baseline].map(|tree| tree.stats().references as f64);
+            refs[index].push(own / usual);
             for (kind, ratio) in workload.ratios(&tree, &baseline, samples) {
                 ratios[index].entry(name_of(&kind)).or_default().push(ratio);
             }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::Args;
 use comfy_table::{CellAlignment, LineStyle, Table, TableStyle};
-use kd::{CostModel, KdTree, Strategy};
+use kd::{KdTree, Strategy};
 use kd_render::{RenderOptions, Stage, render};
 
 use crate::print::print_line;
@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &CompareArgs) -> anyhow::Result<()> {
         "build ms",
         "nodes",
         "references",
-        "SAH cost",
+        "SAH cost 15:20",
         "MB traced",
         "picture ms",
         "Mray/s",
@@ -68,9 +68,9 @@ pub(crate) fn run(arguments: &CompareArgs) -> anyhow::Result<()> {
         table.add_row([
             builder.name().to_owned(),
             format!("{:.1}", build.as_secs_f64() * 1e3),
-            tree.nodes().len().to_string(),
+            stats.nodes.to_string(),
             stats.references.to_string(),
-            format!("{:.3}", tree.tree().sah_cost(&CostModel::PACKED)),
+            format!("{:.3}", stats.sah_cost_15_20),
             format!(
                 "{:.2}",
                 stats

@@ -218,7 +218,7 @@ fn picture(
             Ok((heat.picture, RayCounts::default()))
         }
         Some(View::Depth) => {
-            let depths = leaf_depths(&tree()?, &camera, size);
+            let depths = leaf_depths(&tree()?, &camera, size)?;
             print_line(format_args!(
                 "depth of leaves: {:.1} on average, {} at the brightest color",
                 depths.mean, depths.brightest
@@ -231,7 +231,7 @@ fn picture(
             });
             let mut picture = rendering.picture;
             if view == Some(View::Boxes) {
-                draw_boxes(&mut picture, &tree()?, &camera, arguments.level);
+                draw_boxes(&mut picture, &tree()?, &camera, arguments.level)?;
             }
             Ok((picture, rendering.rays))
         }

@@ -131,7 +131,7 @@ fn nodes_over(
             return bottom_up::build(&items, usize::from(radius), options, is_parallel);
         }
     };
-    (nodes, items.iter().map(|item| item.number).collect())
+    (nodes, items.iter().map(|item| item.number()).collect())
 }
 
 fn top_down<D: Divide>(

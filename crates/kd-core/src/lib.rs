@@ -54,5 +54,5 @@ pub use offset::offset_origin;
 pub use ray::{Hit, Ray};
 pub use ray_packet::RayPacket8;
 pub use source::PrimSource;
-pub use stats::TreeStats;
+pub use stats::{StatsOf, TreeStats};
 pub use tree::{Tree, Uncovered};

@@ -4,7 +4,17 @@ use std::fmt;
 
 use crate::{Aabb, CostModel, LayoutBytes, Node, NodeIndex, NodeView, Tree};
 
-/// Counts, histograms and costs of a tree.
+/// What [`TreeStats`] describe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum StatsOf {
+    /// The nodes and leaves of a kd-tree.
+    KdTree,
+    /// Wide nodes and their leaves, which were made without a kd-tree.
+    WideNodes,
+}
+
+/// Counts, histograms and costs of a tree: a kd-tree, or wide nodes.
 ///
 /// `Display` is the text form that snapshots, the README and the bench use. SAH costs are the expected costs of rays that
 /// meet the root's box (not padded): the sum over all nodes of the node's cost times its half area, divided by the half
@@ -13,6 +23,8 @@ use crate::{Aabb, CostModel, LayoutBytes, Node, NodeIndex, NodeView, Tree};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct TreeStats {
+    /// What the other fields describe.
+    pub of: StatsOf,
     /// Triangles of the mesh.
     pub triangles: usize,
     /// Triangles of zero area; `None` if unknown, since a tree does not know its mesh.
@@ -34,9 +46,9 @@ pub struct TreeStats {
     pub leaves_by_size: Vec<usize>,
     /// SAH cost with K_T 15, K_I 20 and one lane, for comparison with the literature.
     pub sah_cost_15_20: f64,
-    /// SAH cost under the model that the tree was built for.
+    /// SAH cost under the model that the tree was built for. For wide nodes: in visits of a node.
     pub sah_cost_own: f64,
-    /// Bytes of nodes and of their heights.
+    /// Bytes of nodes and of their heights; 0 without a kd-tree.
     pub node_bytes: usize,
     /// Bytes of references.
     pub reference_bytes: usize,
@@ -53,21 +65,12 @@ impl TreeStats {
     pub(crate) fn of(tree: &Tree) -> Self {
         let reference_bytes = size_of_val(tree.refs());
         let mut stats = Self {
-            triangles: tree.triangles() as usize,
-            zero_area: None,
-            nodes: 0,
-            leaves: 0,
-            empty_leaves: 0,
-            references: 0,
             depth: tree.depth(),
             leaves_by_depth: vec![0; tree.depth() + 1],
-            leaves_by_size: Vec::new(),
-            sah_cost_15_20: 0.0,
-            sah_cost_own: 0.0,
             node_bytes: tree.bytes() - reference_bytes,
             reference_bytes,
-            layout_bytes: None,
             limited_cells: tree.limited_cells(),
+            ..Self::empty(StatsOf::KdTree, tree.triangles() as usize)
         };
         StatsVisitor {
             tree,
@@ -77,6 +80,38 @@ impl TreeStats {
         }
         .visit(tree.root(), tree.bounds(), 0);
         stats
+    }
+
+    /// The statistics of nothing, over a mesh of `triangles`.
+    pub fn empty(of: StatsOf, triangles: usize) -> Self {
+        Self {
+            of,
+            triangles,
+            zero_area: None,
+            nodes: 0,
+            leaves: 0,
+            empty_leaves: 0,
+            references: 0,
+            depth: 0,
+            leaves_by_depth: Vec::new(),
+            leaves_by_size: Vec::new(),
+            sah_cost_15_20: 0.0,
+            sah_cost_own: 0.0,
+            node_bytes: 0,
+            reference_bytes: 0,
+            layout_bytes: None,
+            limited_cells: 0,
+        }
+    }
+
+    /// Counts a leaf below `depth` interior nodes.
+    pub fn add_leaf(&mut self, depth: usize, references: usize) {
+        self.depth = self.depth.max(depth);
+        if self.leaves_by_depth.len() <= depth {
+            self.leaves_by_depth.resize(depth + 1, 0);
+        }
+        self.leaves_by_depth[depth] += 1;
+        self.count_leaf(references);
     }
 
     /// The same statistics with [`zero_area`](Self::zero_area) set.
@@ -212,6 +247,11 @@ fn node_cost(model: &CostModel, node: Node) -> f64 {
 impl fmt::Display for TreeStats {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let per_triangle = |bytes: usize| bytes as f64 / self.triangles.max(1) as f64;
+        let of = match self.of {
+            StatsOf::KdTree => "kd-tree",
+            StatsOf::WideNodes => "wide nodes",
+        };
+        writeln!(f, "statistics of    {of:>12}")?;
         writeln!(f, "triangles        {:>12}", self.triangles)?;
         if let Some(zero_area) = self.zero_area {
             writeln!(f, "  of zero area   {zero_area:>12}")?;
@@ -227,12 +267,11 @@ impl fmt::Display for TreeStats {
         writeln!(f, "depth            {:>12}", self.depth)?;
         writeln!(f, "SAH cost (15:20) {:>12.3}", self.sah_cost_15_20)?;
         writeln!(f, "SAH cost (own)   {:>12.3}", self.sah_cost_own)?;
-        writeln!(f, "bytes            {:>12}", self.bytes_total())?;
-        writeln!(
-            f,
-            "  per triangle   {:>12.1}",
-            per_triangle(self.bytes_total())
-        )?;
+        if self.of == StatsOf::KdTree {
+            let bytes = self.bytes_total();
+            writeln!(f, "bytes            {bytes:>12}")?;
+            writeln!(f, "  per triangle   {:>12.1}", per_triangle(bytes))?;
+        }
         if let Some(layout) = self.layout_bytes {
             let LayoutBytes { nodes, blocks } = layout;
             writeln!(f, "bytes to trace   {:>12}", nodes + blocks)?;

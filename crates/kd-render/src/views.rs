@@ -2,7 +2,7 @@
 
 use kd::glam::{DVec3, Vec3};
 use kd::tree::{NodeIndex, NodeView, Tree};
-use kd::{Aabb, Hit, KdTree, Ray};
+use kd::{Aabb, BuildError, Hit, KdTree, Ray};
 use kd_scene::{Camera, ColorSpace, View};
 use rayon::prelude::*;
 
@@ -61,11 +61,16 @@ pub fn heat_map(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
 /// The depth of the leaf in which the primary ray of each pixel ends; 0 on a miss.
 ///
 /// The depth is that of the kd-tree, in every layout.
-pub fn leaf_depths(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Heat {
-    by_pixel(camera, size, |ray| {
+///
+/// # Errors
+///
+/// Those of [`KdTree::kd_tree`], which may build it.
+pub fn leaf_depths(tree: &KdTree, camera: &Camera, size: [u32; 2]) -> Result<Heat, BuildError> {
+    let kd_tree = tree.kd_tree()?;
+    Ok(by_pixel(camera, size, |ray| {
         let hit = tree.intersect(ray);
-        hit.map_or(0, |hit| leaf_depth(tree.tree(), ray, &hit))
-    })
+        hit.map_or(0, |hit| leaf_depth(kd_tree, ray, &hit))
+    }))
 }
 
 /// The depth of the leaf that holds a hit; the root has depth 0.
@@ -93,10 +98,20 @@ fn by_pixel(camera: &Camera, [width, height]: [u32; 2], of: impl Fn(&Ray) -> u32
     Heat::new([width, height], &rows.collect::<Vec<u64>>())
 }
 
-/// Draws over `picture` the cells of the nodes at depth `level`, and of the leaves above that depth. Empty leaves are skipped.
-pub fn draw_boxes(picture: &mut Picture, tree: &KdTree, camera: &Camera, level: u32) {
+/// Draws over `picture` the cells of the nodes of the kd-tree at depth `level`, and of the leaves above that depth. Empty leaves are
+/// skipped.
+///
+/// # Errors
+///
+/// Those of [`KdTree::kd_tree`], which may build it.
+pub fn draw_boxes(
+    picture: &mut Picture,
+    tree: &KdTree,
+    camera: &Camera,
+    level: u32,
+) -> Result<(), BuildError> {
     let view = camera.view(picture.width as f32 / picture.height as f32);
-    let tree = tree.tree();
+    let tree = tree.kd_tree()?;
     let mut cells = vec![(tree.root(), tree.bounds(), 0)];
     while let Some((node, cell, depth)) = cells.pop() {
         match tree.nodes()[node.index()].view() {
@@ -114,6 +129,7 @@ pub fn draw_boxes(picture: &mut Picture, tree: &KdTree, camera: &Camera, level: 
             }
         }
     }
+    Ok(())
 }
 
 fn draw_box(picture: &mut Picture, view: &View, cell: &Aabb, color: Vec3) {

@@ -396,8 +396,9 @@ fn views_agree_with_the_tree() {
         heat.mean,
         heat.brightest
     );
-    let depths = leaf_depths(&tree, &camera, [32, 24]);
-    let deepest = u64::try_from(tree.stats().depth).expect("a depth of at most 64");
+    let depths = leaf_depths(&tree, &camera, [32, 24]).expect("a small tree");
+    let deepest =
+        u64::try_from(tree.kd_tree().expect("built").depth()).expect("a depth of at most 64");
     assert!(
         depths.mean > 3.0 && depths.brightest <= deepest,
         "{}, {}",
@@ -408,7 +409,7 @@ fn views_agree_with_the_tree() {
     let mut changed = vec![];
     for level in [0, 4, 8] {
         let mut picture = plain.clone();
-        draw_boxes(&mut picture, &tree, &camera, level);
+        draw_boxes(&mut picture, &tree, &camera, level).expect("built");
         let pairs = picture.pixels.iter().zip(&plain.pixels);
         changed.push(pairs.filter(|(a, b)| a != b).count());
     }

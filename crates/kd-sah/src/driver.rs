@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use kd_core::{CostModel, Node, Pair, PrimSource, Slot};
+use kd_tasks::{Share, Tracker};
 
 use crate::CHUNK;
 use crate::cell::{Cell, Counted, Place};
@@ -12,7 +13,6 @@ use crate::options::{BuildError, BuildOptions};
 use crate::output::{Built, Interior, Output};
 use crate::plane::{BestPlane, CellCost, LeafCost, Plane, Side, as_count, offer_empty_cuts};
 use crate::prim::Prim;
-use crate::progress::{Share, Tracker};
 
 /// A cell with fewer primitives is built within one task.
 const TASK_PRIMS: usize = 1024;

@@ -4,13 +4,13 @@
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use kd_core::{Axis, PrimSource, Tree};
+use kd_tasks::Tracker;
 
 use crate::Build;
 use crate::choose::{ChoosePlane, WithChooser, with_chooser_of};
 use crate::driver::{Start, Task};
 use crate::options::{BuildError, BuildOptions};
 use crate::plane::Plane;
-use crate::progress::Tracker;
 
 /// The greatest number of primitives of a cell whose whole subtree is built when it is opened.
 const MAX_EAGER: usize = 1024;

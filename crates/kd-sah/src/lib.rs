@@ -54,23 +54,21 @@ mod options;
 mod output;
 mod plane;
 mod prim;
-mod progress;
 mod promising;
 mod small;
 
 use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
+use kd_tasks::Tracker;
 
-pub use kd_tasks::ThreadsError;
+pub use kd_tasks::{Progress as BuildProgress, ThreadsError};
 pub use lazy::{LazyNode, Opened};
-pub use options::{BuildError, BuildOptions, Method};
-pub use progress::BuildProgress;
+pub use options::{BuildError, BuildOptions, Method, WideNodes};
 
 use cell::Place;
 use choose::{ChoosePlane, WithChooser, with_chooser_of};
 use driver::{Start, Task};
 use output::Output;
 use prim::{Around, Prim};
-use progress::Tracker;
 
 /// Primitives in a chunk of a cell that several threads share.
 const CHUNK: usize = 1 << 13;

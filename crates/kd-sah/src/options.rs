@@ -1,7 +1,7 @@
 //! Options of a build, and its errors.
 
 use kd_core::{CostModel, Layout, MAX_DEPTH, MAX_TRIANGLES, TreeError};
-use kd_tasks::ThreadsError;
+use kd_tasks::{Cancelled, ThreadsError};
 use thiserror::Error;
 
 use crate::bins::MOST_BINS;
@@ -45,6 +45,25 @@ pub enum Method {
     },
 }
 
+/// Where the wide nodes of a mesh come from, in [`Layout::Wide`].
+///
+/// All but [`KdTree`](Self::KdTree) are made from the mesh itself, without a kd-tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum WideNodes {
+    /// Triangles are divided as objects, by the surface area heuristic. The fastest to make.
+    Objects,
+    /// Planes divide cells of more than 1024 triangles where a division as objects leaves boxes that overlap, as between the walls of
+    /// a room. Elsewhere triangles are divided as objects.
+    Planes,
+    /// The cheaper of several by SAH cost.
+    Cheapest,
+    /// The planes of the kd-tree that the other options describe divide cells of more than 1024 triangles. Triangles in smaller cells
+    /// are divided as objects. Takes the time of the whole kd-tree.
+    KdTree,
+}
+
 /// Options of a build. Start from a preset ([`balanced`](Self::balanced) is the default) and change single options.
 ///
 /// The build checks its options, and its error names the one that is out of range. The tree depends, bit for bit, on the
@@ -68,6 +87,7 @@ pub struct BuildOptions {
     pub(crate) longest_axis: bool,
     pub(crate) plane_adjustment: f32,
     layout: Layout,
+    wide_nodes: WideNodes,
 }
 
 /// The default depth limit, for any number of primitives.
@@ -89,6 +109,7 @@ impl BuildOptions {
             },
             longest_axis: true,
             plane_adjustment: 0.95,
+            wide_nodes: WideNodes::Objects,
             ..Self::balanced()
         }
     }
@@ -114,6 +135,7 @@ impl BuildOptions {
             longest_axis: false,
             plane_adjustment: 1.0,
             layout: Layout::Wide,
+            wide_nodes: WideNodes::Planes,
         }
     }
 
@@ -123,14 +145,23 @@ impl BuildOptions {
     pub const fn best() -> Self {
         Self {
             method: Method::Exact,
+            wide_nodes: WideNodes::Cheapest,
             ..Self::balanced()
         }
     }
 
-    /// Sets how planes are chosen.
+    /// Sets how the planes of the kd-tree are chosen. Wide nodes then follow these planes ([`WideNodes::KdTree`]).
     #[must_use]
     pub const fn with_method(mut self, method: Method) -> Self {
         self.method = method;
+        self.wide_nodes = WideNodes::KdTree;
+        self
+    }
+
+    /// Sets where wide nodes come from. The functions of kd-sah ignore it.
+    #[must_use]
+    pub const fn with_wide_nodes(mut self, wide_nodes: WideNodes) -> Self {
+        self.wide_nodes = wide_nodes;
         self
     }
 
@@ -193,7 +224,7 @@ impl BuildOptions {
         self
     }
 
-    /// Sets the layout that rays traverse. The tree does not depend on it; the functions of kd-sah ignore it.
+    /// Sets the layout that rays traverse. The kd-tree does not depend on it; the functions of kd-sah ignore it.
     #[must_use]
     pub const fn with_layout(mut self, layout: Layout) -> Self {
         self.layout = layout;
@@ -213,6 +244,11 @@ impl BuildOptions {
     /// See [`with_layout`](Self::with_layout).
     pub const fn layout(&self) -> Layout {
         self.layout
+    }
+
+    /// See [`with_wide_nodes`](Self::with_wide_nodes).
+    pub const fn wide_nodes(&self) -> WideNodes {
+        self.wide_nodes
     }
 
     /// See [`with_cost`](Self::with_cost).
@@ -288,7 +324,12 @@ impl BuildOptions {
         self
     }
 
-    pub(crate) fn check(&self) -> Result<(), BuildError> {
+    /// Checks the options as a build does.
+    ///
+    /// # Errors
+    ///
+    /// [`BuildError::InvalidOption`] names the first option that is out of range.
+    pub fn check(&self) -> Result<(), BuildError> {
         let invalid = |name, rule| Err(BuildError::InvalidOption { name, rule });
         if let Some((name, rule)) = self.cost.problem() {
             return invalid(name, rule);
@@ -361,6 +402,12 @@ pub enum BuildError {
     /// The threads asked for could not be started.
     #[error(transparent)]
     Threads(#[from] ThreadsError),
+}
+
+impl From<Cancelled> for BuildError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
 }
 
 #[cfg(test)]

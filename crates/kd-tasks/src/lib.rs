@@ -1,4 +1,4 @@
-//! Parallel maps, joins and sorts. Results never depend on the number of threads.
+//! Parallel maps, joins and sorts, and the progress of long work. Results never depend on the number of threads.
 //!
 //! Builders run large parts of their work in parallel through this crate, so that they contain no conditional compilation.
 //! Without the feature `parallel` (rayon, on by default) every function runs sequentially on the calling thread.
@@ -30,12 +30,16 @@
     allow(unused_variables, reason = "only rayon needs the number of threads")
 )]
 
+mod progress;
+
 #[cfg(feature = "parallel")]
 use std::sync::{Mutex, PoisonError};
 
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 use thiserror::Error;
+
+pub use progress::{Cancelled, Progress, Share, Tracker};
 
 /// The requested number of threads could not be started.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

@@ -110,5 +110,5 @@ pub use binary::packed::{PackedArena, PackedTree};
 #[cfg(feature = "counters")]
 pub use counters::{CountedQuery, TraversalCounts, intersect_counted};
 pub use kd_simd::Level;
-pub use kd_wide::{Join, Joined, Refit, WideForest, WideTree};
+pub use kd_wide::{Division, Join, Joined, Refit, WideForest, WideTree};
 pub use ray_query::RayQuery;

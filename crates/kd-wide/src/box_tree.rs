@@ -1,6 +1,6 @@
 //! The binary tree of boxes that collapses into wide nodes.
 
-use glam::Vec3A;
+use glam::{Vec3A, Vec4};
 use kd_core::{Aabb, Axis, Mesh};
 
 use crate::collapse::{self, Choice, Costs};
@@ -44,14 +44,14 @@ pub(crate) enum Kind {
 }
 
 /// A triangle, the part of one in a cell, or a subtree, in its box. What an [`ObjectSplit`](crate::ObjectSplit) divides.
+///
+/// 32 bytes: a division moves items, and its time is that of reading and writing memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Item {
-    /// The lowest corner of the box, in scene units.
-    pub min: Vec3A,
-    /// The highest corner.
-    pub max: Vec3A,
-    /// The triangle, or the number of the subtree.
-    pub number: u32,
+    /// The lowest corner, and nothing.
+    low: Vec4,
+    /// The highest corner, and the bits of the number, with [`ORDINARY`](Self::ORDINARY) changed.
+    high: Vec4,
 }
 
 /// A subtree that was just added.
@@ -79,19 +79,59 @@ impl Item {
     }
 
     /// An item in a box.
+    #[inline(always)]
     pub fn within(bounds: Aabb, number: u32) -> Self {
         Self {
-            min: bounds.min.into(),
-            max: bounds.max.into(),
-            number,
+            low: bounds.min.extend(0.0),
+            high: bounds.max.extend(f32::from_bits(number ^ Self::ORDINARY)),
         }
+    }
+
+    /// Makes a small number the bits of a float in [2, 4): arithmetic on all four lanes is slow where one is subnormal.
+    const ORDINARY: u32 = 0x4000_0000;
+
+    /// The lowest corner of the box, in scene units.
+    #[inline(always)]
+    pub fn min(&self) -> Vec3A {
+        Vec3A::from_vec4(self.low)
+    }
+
+    /// The highest corner.
+    #[inline(always)]
+    pub fn max(&self) -> Vec3A {
+        Vec3A::from_vec4(self.high)
+    }
+
+    /// A coordinate of the lowest corner. (In place: a vector in registers has no cheap index.)
+    #[inline(always)]
+    pub(crate) fn min_on(&self, axis: usize) -> f32 {
+        self.low[axis]
+    }
+
+    /// A coordinate of the highest corner.
+    #[inline(always)]
+    pub(crate) fn max_on(&self, axis: usize) -> f32 {
+        self.high[axis]
+    }
+
+    /// The triangle, or the number of the subtree.
+    #[inline(always)]
+    pub fn number(&self) -> u32 {
+        self.high.w.to_bits() ^ Self::ORDINARY
+    }
+
+    /// Changes the number and returns the one before.
+    pub(crate) fn replace_number(&mut self, number: u32) -> u32 {
+        let before = self.number();
+        self.high.w = f32::from_bits(number ^ Self::ORDINARY);
+        before
     }
 
     /// The box around items; empty without items.
     pub fn around(items: &[Self]) -> Aabb {
         let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let (min, max) = items.iter().fold(nothing, |(min, max), item| {
-            (min.min(item.min), max.max(item.max))
+            (min.min(item.min()), max.max(item.max()))
         });
         Aabb {
             min: min.into(),
@@ -102,18 +142,25 @@ impl Item {
     /// The box.
     pub fn bounds(&self) -> Aabb {
         Aabb {
-            min: self.min.into(),
-            max: self.max.into(),
+            min: self.min().into(),
+            max: self.max().into(),
         }
     }
 }
 
+const _: () = assert!(size_of::<Item>() == 32, "two to a cache line");
+
 impl BoxTree {
     pub(crate) fn new(of: Leaves) -> Self {
+        Self::with_room_for(0, of)
+    }
+
+    /// An empty tree with memory for the boxes of this many items, as divisions usually make them.
+    pub(crate) fn with_room_for(items: usize, of: Leaves) -> Self {
         Self {
             of,
-            nodes: Vec::new(),
-            items: Vec::new(),
+            nodes: Vec::with_capacity(items / 2),
+            items: Vec::with_capacity(items),
         }
     }
 
@@ -143,7 +190,7 @@ impl BoxTree {
             Leaves::Links => collapse::link(),
         };
         let first = to_u32(self.items.len());
-        self.items.extend(items.iter().map(|item| item.number));
+        self.items.extend(items.iter().map(Item::number));
         self.nodes.push(BoxNode {
             bounds,
             choice,

@@ -1,43 +1,49 @@
-//! Divide: from a kd-tree or a list of triangles to a binary tree of boxes. The one place that decides which splits come from
-//! the kd-tree.
+//! Divide: from triangles to a binary tree of boxes. The one place that decides between planes and objects.
 //!
-//! Cells of more than [`PLANES_ABOVE`] triangles are divided by the planes of the kd-tree. A triangle that a plane cuts goes to
-//! both sides, with a tight box for each, or to one side as a whole where that costs less (M. Stich, H. Friedrich,
-//! A. Dietrich, *Spatial Splits in Bounding Volume Hierarchies*, 2009, section 4.4: reference unsplitting). Smaller cells are
-//! divided by object splits ([`object_split`](crate::object_split)): boxes may overlap where cells may not, and no triangle is
-//! in two leaves.
+//! Cells of at most [`PLANES_ABOVE`] triangles are divided by object splits ([`object_split`](crate::object_split)): boxes may
+//! overlap where cells of a kd-tree may not, and no triangle is in two leaves. Larger cells may be divided by planes:
 //!
-//! A large cell is divided by an object split too where the plane costs much more. That happens where a few huge triangles are
-//! among many small ones: each plane that cuts off empty space also cuts the huge triangles.
+//! - *from bins* ([`OfBins`]), where an object split leaves two boxes that overlap much;
+//! - *of a kd-tree* ([`OfTree`]), always, down to its leaves.
 //!
-//! Why both, from a throw-away program over a scan, a city and three rooms (2026-11-25): with all planes of a kd-tree (in
-//! two of the rooms) rays visit about as many nodes as with objects alone (0.9 to 1.12 times) and more blocks, in 1.5 to
-//! 2.3 times the memory. Planes above a thousand triangles have a SAH cost 3 to 13 % below that of objects alone in the
+//! A triangle that a plane cuts goes to both sides, with a tight box for each, or to one side as a whole where that costs less
+//! ([`Sides`]). An object split replaces a plane that costs much more. That happens where a few huge triangles are among many
+//! small ones: each plane that cuts off empty space also cuts the huge triangles.
+//!
+//! Why planes in large cells only, from a throw-away program over a scan, a city and three rooms (2026-11-25): with all planes
+//! of a kd-tree (in two of the rooms) rays visit about as many nodes as with objects alone (0.9 to 1.12 times) and more blocks,
+//! in 1.5 to 2.3 times the memory. Planes above a thousand triangles have a SAH cost 3 to 13 % below that of objects alone in the
 //! rooms, 0.2 % above it on the scan and 2.5 % on the city, and about the same memory.
 
-use kd_core::{Aabb, Axis, MAX_DEPTH, Mesh, NodeIndex, NodeView, Tree, clipped_halves};
+mod planes;
+mod sides;
+
+use kd_core::{Aabb, Axis, MAX_DEPTH, Mesh, Tree};
+use kd_tasks::Share;
 
 use crate::box_tree::{Added, BoxTree, Item, Leaves};
 use crate::object_split::ObjectSplit;
+use crate::work::Work;
+use planes::{Allowance, NoPlanes, OfBins, OfTree, Planes};
+use sides::Sides;
 
-/// Cells of more triangles may be divided by the planes of the kd-tree; all others are divided as objects only.
+/// Cells of more triangles may be divided by planes; all others are divided as objects only.
 pub const PLANES_ABOVE: usize = 1024;
 /// Items that are not divided.
 const FEW: usize = 8;
 /// An object split replaces a plane that costs more than one over this as much.
 ///
-/// (At 0.9, rays take 1 to 8 % longer in a cathedral. Without object splits, AO rays take 25 % longer in a game level with huge
-/// walls. Throw-away program; `cargo xtask rays --scenes DIR --scene sibenik,czest2ctf` measures the same scenes, 2026-11-30.)
-const CHEAPER: f64 = 0.5;
+/// (From 0.5 to 1, rays of five kinds over 20 meshes are equally fast in the mean: 1.009 to 1.017 times the speed with planes of a
+/// kd-tree. At 1, rays in a stadium take 10 % longer and around a machine part 6 %; at 0.5, rays on terrain and in a game level take
+/// 2 % longer. A throw-away program, 2026-11-30.)
+const CHEAPER: f64 = 0.7;
 /// Object splits on a path before items are divided in halves by number.
 pub(crate) const MOST_DIVISIONS: usize = 32;
 /// The largest number of levels of a wide tree: those of planes, of object splits and of halves of a 32-bit number; and above
 /// them those of a join, which divides by object splits and halves. A ray's stack holds seven children a level.
 pub const MAX_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
-/// The fewest triangles on the smaller side of a plane that are worth a task.
-const TASK: usize = 1 << 14;
-/// The fewest items on the smaller side of an object split that are worth a task: some hundreds of microseconds.
-const OBJECT_TASK: usize = 1 << 11;
+/// The fewest items on the smaller side of a split that are worth a task: some hundreds of microseconds.
+const TASK: usize = 1 << 11;
 
 /// One over the half area of a box; 0 if the area is 0.
 pub(crate) fn per_area(bounds: &Aabb) -> f64 {
@@ -45,143 +51,235 @@ pub(crate) fn per_area(bounds: &Aabb) -> f64 {
     if area > 0.0 { area.recip() } else { 0.0 }
 }
 
+/// Whether a plane of this SAH cost is preferred to an object split.
+fn is_plane_cheap(plane: f64, objects: f64) -> bool {
+    objects >= CHEAPER * plane
+}
+
 /// Boxes, and their SAH cost relative to the half area of the root's box.
 pub(crate) type Costed = (BoxTree, f32);
 
-/// The boxes of all triangles of a tree, which are the items. Planes divide cells of more than `planes_above` triangles, and
-/// always do if it is given; by default that is [`PLANES_ABOVE`], and object splits compete.
+/// The boxes of triangles of a kd-tree. Its planes divide cells of more than `planes_above` triangles, and always do if it is
+/// given; by default that is [`PLANES_ABOVE`], and object splits compete.
 pub(crate) fn boxes_of_tree(
     tree: &Tree,
     mesh: &Mesh,
     items: Vec<Item>,
     planes_above: Option<usize>,
-    is_parallel: bool,
+    work: Work<'_>,
 ) -> Costed {
-    let mut boxes = BoxTree::new(Leaves::Triangles);
     let divider = Divider {
-        tree,
+        planes: OfTree(tree),
         mesh,
         per_area: per_area(&tree.bounds()),
         planes_above: planes_above.unwrap_or(PLANES_ABOVE),
         objects_compete: planes_above.is_none(),
-        is_parallel,
+        work,
     };
-    if items.is_empty() {
-        return (boxes, 0.0);
-    }
-    let root = divider.by_planes(tree.root(), items, 0, &mut boxes);
-    (boxes, root.cost())
+    divider.boxes(items, tree.root())
+}
+
+/// The boxes of triangles, all within `bounds`, divided by planes from bins where objects overlap. At most `most_items` items are in
+/// leaves, or as many as there are.
+pub(crate) fn boxes_of_bins(
+    mesh: &Mesh,
+    items: Vec<Item>,
+    bounds: &Aabb,
+    most_items: u64,
+    work: Work<'_>,
+) -> Costed {
+    let per_area = per_area(bounds);
+    let root = Allowance::of_root(items.len(), most_items);
+    let divider = Divider {
+        planes: OfBins { per_area },
+        mesh,
+        per_area,
+        planes_above: PLANES_ABOVE,
+        objects_compete: true,
+        work,
+    };
+    divider.boxes(items, root)
 }
 
 /// The boxes of triangles, all within `bounds`, divided by object splits alone.
-pub(crate) fn boxes_of_objects(mut items: Vec<Item>, bounds: &Aabb, is_parallel: bool) -> Costed {
-    let mut boxes = BoxTree::new(Leaves::Triangles);
-    if items.is_empty() {
-        return (boxes, 0.0);
-    }
-    let root = by_objects(&mut items, 0, per_area(bounds), is_parallel, &mut boxes);
-    (boxes, root.cost())
+pub(crate) fn boxes_of_objects(
+    mesh: &Mesh,
+    items: Vec<Item>,
+    bounds: &Aabb,
+    work: Work<'_>,
+) -> Costed {
+    let divider = Divider {
+        planes: NoPlanes,
+        mesh,
+        per_area: per_area(bounds),
+        planes_above: PLANES_ABOVE,
+        objects_compete: true,
+        work,
+    };
+    divider.boxes(items, ())
 }
 
-/// Makes the boxes of a subtree of a kd-tree.
-struct Divider<'a> {
-    tree: &'a Tree,
+/// Makes the boxes of a mesh.
+struct Divider<'a, P> {
+    planes: P,
     mesh: &'a Mesh,
     /// One over the half area of the root's box.
     per_area: f64,
-    /// Cells of more triangles are divided by planes of the kd-tree.
+    /// Cells of more items may be divided by planes.
     planes_above: usize,
-    /// Whether they are divided as objects where that costs less.
+    /// Whether they may be divided as objects too.
     objects_compete: bool,
-    is_parallel: bool,
+    work: Work<'a>,
 }
 
-impl Divider<'_> {
-    /// Adds the boxes of `items`, at least one, divided by the planes of a subtree of the kd-tree. `divisions` counts the object
-    /// splits above.
-    fn by_planes(
+/// A cell, without its items.
+#[derive(Clone, Copy)]
+struct Cell<C> {
+    planes: C,
+    /// Object splits above.
+    divisions: usize,
+    /// Its share of the work.
+    share: Share,
+}
+
+/// The memory of a thread.
+#[derive(Default)]
+struct Memory {
+    /// A stack: the items of the cell that is divided are the last ones.
+    items: Vec<Item>,
+    sides: Sides,
+}
+
+impl<P: Planes> Divider<'_, P> {
+    fn boxes(&self, items: Vec<Item>, root: P::Cell) -> Costed {
+        let mut boxes = BoxTree::with_room_for(items.len(), Leaves::Triangles);
+        if items.is_empty() {
+            return (boxes, 0.0);
+        }
+        let root = Cell {
+            planes: root,
+            divisions: 0,
+            share: self.work.share,
+        };
+        let mut memory = Memory {
+            items,
+            sides: Sides::default(),
+        };
+        let root = self.divide(root, &mut memory, 0, &mut boxes);
+        (boxes, root.cost())
+    }
+
+    /// Adds the boxes of the items from `first` on, at least one, and removes these items.
+    fn divide(
         &self,
-        mut at: NodeIndex,
-        mut items: Vec<Item>,
-        divisions: usize,
+        mut cell: Cell<P::Cell>,
+        memory: &mut Memory,
+        first: usize,
         to: &mut BoxTree,
     ) -> Added {
         loop {
-            let node = self.tree.nodes()[at.index()].view();
-            let NodeView::Interior { axis, split, first } = node else {
-                return self.by_objects(&mut items, divisions, to);
-            };
-            if items.len() <= self.planes_above {
-                return self.by_objects(&mut items, divisions, to);
+            let Memory { items, sides } = memory;
+            let own = &items[first..];
+            if own.len() <= self.planes_above || self.work.tracker.check().is_err() {
+                return self.finish(cell, memory, first, to);
             }
-            let sides = Sides::of(&items, axis, split, self.mesh);
-            if let Some(objects) = self.cheaper_objects(&items, &sides, divisions) {
-                let middle = objects.apply(&mut items);
-                let upper = items.split_off(middle);
-                let divisions = divisions + 1;
-                return self.split(objects.axis, [(at, items), (at, upper)], divisions, to);
+            let is_parallel = self.work.is_parallel;
+            let objects = (self.objects_compete && cell.divisions < MOST_DIVISIONS)
+                .then(|| ObjectSplit::measured(own, is_parallel))
+                .flatten();
+            let plane = self
+                .planes
+                .plane(&cell.planes, own, objects.as_ref(), is_parallel);
+            if let Some(plane) = plane {
+                sides.measure(own, plane, self.mesh, is_parallel);
+                let is_cheap = |objects| is_plane_cheap(sides.cost(), objects);
+                if objects.is_none_or(|objects| is_cheap(f64::from(objects.split.cost))) {
+                    let counts = sides.counts();
+                    if let Some(empty) = counts.iter().position(|count| *count == 0) {
+                        cell.planes = self.planes.one(&cell.planes, empty ^ 1);
+                        continue;
+                    }
+                    let upper = sides.apply(items, first, plane);
+                    let planes = self.planes.both(&cell.planes, counts);
+                    let cells = cell.both(planes, counts);
+                    return self.split(plane.axis, cells, memory, [first, upper], to);
+                }
             }
-            let [lower, upper] = sides.items;
-            (items, at) = if upper.is_empty() {
-                (lower, first)
-            } else if lower.is_empty() {
-                (upper, first.sibling())
-            } else {
-                let parts = [(first, lower), (first.sibling(), upper)];
-                return self.split(axis, parts, divisions, to);
+            let Some(objects) = objects else {
+                return self.finish(cell, memory, first, to);
             };
+            let upper = first + objects.split.apply(&mut items[first..]);
+            let counts = [upper - first, items.len() - upper];
+            cell.divisions += 1;
+            let cells = cell.both(self.planes.objects(&cell.planes, counts), counts);
+            return self.split(objects.split.axis, cells, memory, [first, upper], to);
         }
     }
 
-    /// On one thread: planes have divided the work into tasks, and a small cell seldom is worth one.
-    fn by_objects(&self, items: &mut [Item], divisions: usize, to: &mut BoxTree) -> Added {
-        by_objects(items, divisions, self.per_area, false, to)
-    }
-
-    /// An object split that costs much less than the plane.
-    fn cheaper_objects(
+    /// Divides the items from `first` on as objects, on this thread.
+    fn finish(
         &self,
-        items: &[Item],
-        sides: &Sides,
-        divisions: usize,
-    ) -> Option<ObjectSplit> {
-        let may_be = self.objects_compete && divisions < MOST_DIVISIONS;
-        let split = may_be.then(|| ObjectSplit::best(items)).flatten();
-        split.filter(|split| f64::from(split.cost) < CHEAPER * sides.cost)
+        cell: Cell<P::Cell>,
+        memory: &mut Memory,
+        first: usize,
+        to: &mut BoxTree,
+    ) -> Added {
+        let own = &mut memory.items[first..];
+        let added = if self.work.tracker.done(cell.share).is_ok() {
+            by_objects(own, cell.divisions, self.per_area, to)
+        } else {
+            to.add_leaf(own, self.per_area)
+        };
+        memory.items.truncate(first);
+        added
     }
 
+    /// Adds a box over two cells: the items from the first place on, and those from the second on.
     fn split(
         &self,
         axis: Axis,
-        [lower, upper]: [(NodeIndex, Vec<Item>); 2],
-        divisions: usize,
+        [lower, upper]: [Cell<P::Cell>; 2],
+        memory: &mut Memory,
+        [first, middle]: [usize; 2],
         to: &mut BoxTree,
     ) -> Added {
         let place = to.reserve();
-        if self.is_parallel && upper.1.len().min(lower.1.len()) >= TASK {
-            let mut other = BoxTree::new(Leaves::Triangles);
-            let (lower, added) = kd_tasks::join_if(
+        let smaller = (middle - first).min(memory.items.len() - middle);
+        let [upper, lower] = if self.work.is_parallel && smaller >= TASK {
+            let mut beside = Memory {
+                items: memory.items.split_off(middle),
+                sides: Sides::default(),
+            };
+            let mut other = BoxTree::with_room_for(middle - first, Leaves::Triangles);
+            let (lower, upper) = kd_tasks::join_if(
                 true,
-                || self.by_planes(lower.0, lower.1, divisions, to),
-                || self.by_planes(upper.0, upper.1, divisions, &mut other),
+                || self.divide(lower, memory, first, &mut other),
+                || self.divide(upper, &mut beside, 0, to),
             );
-            let upper = to.append(&other, added, 0);
-            return to.set_split(place, axis, [lower, upper], self.per_area);
-        }
-        let parts = [lower, upper].map(|(at, items)| self.by_planes(at, items, divisions, to));
-        to.set_split(place, axis, parts, self.per_area)
+            [upper, to.append(&other, lower, 0)]
+        } else {
+            // The items of the upper side are the last ones.
+            let upper = self.divide(upper, memory, middle, to);
+            [upper, self.divide(lower, memory, first, to)]
+        };
+        to.set_split(place, axis, [lower, upper], self.per_area)
+    }
+}
+
+impl<C: Copy> Cell<C> {
+    fn both(&self, planes: [C; 2], counts: [usize; 2]) -> [Self; 2] {
+        let shares = self.share.divide(counts);
+        [0, 1].map(|side: usize| Self {
+            planes: planes[side],
+            share: shares[side],
+            ..*self
+        })
     }
 }
 
 /// Adds the boxes of items, at least one, by object splits. `divisions` counts those above; `per_area` is one over the half area
 /// of the root's box.
-fn by_objects(
-    items: &mut [Item],
-    divisions: usize,
-    per_area: f64,
-    is_parallel: bool,
-    to: &mut BoxTree,
-) -> Added {
+fn by_objects(items: &mut [Item], divisions: usize, per_area: f64, to: &mut BoxTree) -> Added {
     let division = (items.len() > FEW)
         .then(|| ObjectSplit::best(items))
         .flatten();
@@ -195,101 +293,6 @@ fn by_objects(
         items.len() / 2
     };
     let (lower, upper) = items.split_at_mut(middle);
-    let divisions = divisions + 1;
-    if is_parallel && lower.len().min(upper.len()) >= OBJECT_TASK {
-        let mut other = BoxTree::new(Leaves::Triangles);
-        let (lower, added) = kd_tasks::join_if(
-            true,
-            || by_objects(lower, divisions, per_area, true, to),
-            || by_objects(upper, divisions, per_area, true, &mut other),
-        );
-        let upper = to.append(&other, added, 0);
-        return to.set_split(place, division.axis, [lower, upper], per_area);
-    }
-    let parts = [lower, upper].map(|part| by_objects(part, divisions, per_area, is_parallel, to));
+    let parts = [lower, upper].map(|part| by_objects(part, divisions + 1, per_area, to));
     to.set_split(place, division.axis, parts, per_area)
-}
-
-/// The items on both sides of a plane, and their SAH cost: the half area of each box times its number of items.
-struct Sides {
-    items: [Vec<Item>; 2],
-    cost: f64,
-}
-
-impl Sides {
-    fn of(items: &[Item], axis: Axis, split: f32, mesh: &Mesh) -> Self {
-        let along = axis.index();
-        let half = || Vec::with_capacity(items.len() / 2);
-        let (mut lower, mut upper, mut both) = (half(), half(), Vec::new());
-        for &item in items {
-            if item.min[along] >= split && item.max[along] > split {
-                upper.push(item);
-            } else if item.max[along] <= split {
-                lower.push(item);
-            } else {
-                both.push(item);
-            }
-        }
-        let halves = both.iter().map(|item| {
-            let corners = mesh.corners(item.number);
-            clipped_halves(corners, &item.bounds(), axis, split)
-        });
-        let halves: Vec<[Option<Aabb>; 2]> = halves.collect();
-        let around = |items: &[Item], side: usize| {
-            let cut = halves.iter().filter_map(|half| half[side]);
-            cut.fold(Item::around(items), |bounds, part| bounds.union(&part))
-        };
-        let mut bounds = [around(&lower, 0), around(&upper, 1)];
-        let mut counts = [lower.len() + both.len(), upper.len() + both.len()];
-        for (item, half) in both.into_iter().zip(halves) {
-            match Self::destination(&item, half, bounds, counts) {
-                Destination::Side(side) => {
-                    bounds[side] = bounds[side].union(&item.bounds());
-                    counts[side ^ 1] -= 1;
-                    [&mut lower, &mut upper][side].push(item);
-                }
-                Destination::Both(parts) => {
-                    lower.push(Item::within(parts[0], item.number));
-                    upper.push(Item::within(parts[1], item.number));
-                }
-            }
-        }
-        let cost = |side: usize| bounds[side].half_area() * counts[side] as f64;
-        Self {
-            items: [lower, upper],
-            cost: cost(0) + cost(1),
-        }
-    }
-
-    /// The cheapest of three: the triangle cut, or whole on either side.
-    fn destination(
-        item: &Item,
-        half: [Option<Aabb>; 2],
-        bounds: [Aabb; 2],
-        counts: [usize; 2],
-    ) -> Destination {
-        let [Some(lower), Some(upper)] = half else {
-            return Destination::Side(usize::from(half[0].is_none()));
-        };
-        let cost = |bounds: &Aabb, count: usize| bounds.half_area() * count as f64;
-        let as_cut = [0, 1].map(|side| cost(&bounds[side], counts[side]));
-        let whole_on = |side: usize| {
-            let grown = cost(&bounds[side].union(&item.bounds()), counts[side]);
-            grown + cost(&bounds[side ^ 1], counts[side ^ 1] - 1)
-        };
-        let (cut, on_lower, on_upper) = (as_cut[0] + as_cut[1], whole_on(0), whole_on(1));
-        if on_lower <= on_upper && on_lower <= cut {
-            Destination::Side(0)
-        } else if on_upper <= cut {
-            Destination::Side(1)
-        } else {
-            Destination::Both([lower, upper])
-        }
-    }
-}
-
-/// Where a triangle that a plane cuts goes.
-enum Destination {
-    Side(usize),
-    Both([Aabb; 2]),
 }

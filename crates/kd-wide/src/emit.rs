@@ -9,12 +9,18 @@ mod prospect;
 
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
+use kd_tasks::{Share, Tracker};
+use smallvec::SmallVec;
 
 use crate::block::Block;
 use crate::box_tree::{BoxTree, Kind};
 use crate::large_pages;
 use crate::node::{Child, WIDTH, WideNode};
+use crate::work::Work;
 use prospect::Prospect;
+
+/// As many as a node has children, without an allocation.
+type Few<T> = SmallVec<[T; WIDTH]>;
 
 /// Triangles that fit one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;
@@ -56,7 +62,7 @@ struct Emitter<'a, L> {
     leaves: &'a L,
     /// For each box that is a child of a wide node: the nodes and blocks that it becomes.
     counts: Vec<Counts>,
-    is_parallel: bool,
+    work: Work<'a>,
 }
 
 /// The memory of a subtree.
@@ -83,13 +89,12 @@ impl<'a> Space<'a> {
     }
 }
 
-/// The children of a wide node, as the binary tree that they come from.
-#[derive(Debug)]
-enum Group {
-    /// The child of this number.
-    Child(u32),
-    /// The lower and the upper group on an axis.
-    Split(usize, Box<[Self; 2]>),
+/// Children of a wide node in the orders that rays meet them.
+#[derive(Clone, Copy, Debug)]
+struct Orders {
+    /// By octant of directions: the numbers of the children from far to near, three bits each.
+    of: [u32; 8],
+    count: u32,
 }
 
 /// Nodes over finished subtrees, and their root. The subtrees are items of the boxes by number, and `before` is the number of
@@ -103,7 +108,9 @@ pub(crate) fn emit_links(
         nodes: before,
         blocks: 0,
     };
-    let (nodes, _, root) = emit_leaves(boxes, &Links(links), before, false);
+    let tracker = Tracker::new(None);
+    let work = Work::new(false, &tracker);
+    let (nodes, _, root) = emit_leaves(boxes, &Links(links), before, work);
     (nodes, root)
 }
 
@@ -111,11 +118,10 @@ pub(crate) fn emit_links(
 pub(crate) fn emit(
     boxes: &BoxTree,
     mesh: &Mesh,
-    is_parallel: bool,
+    work: Work<'_>,
 ) -> (Vec<WideNode>, Vec<Block>, Child) {
     let triangles = Triangles(mesh);
-    let (mut nodes, blocks, mut child) =
-        emit_leaves(boxes, &triangles, Counts::default(), is_parallel);
+    let (mut nodes, blocks, mut child) = emit_leaves(boxes, &triangles, Counts::default(), work);
     if let (Some(root), true) = (boxes.root(), child.is_leaf()) {
         // A tree of one leaf needs a node for its box: rays that miss the box do not test its triangles.
         let mut node = WideNode::EMPTY;
@@ -130,7 +136,7 @@ fn emit_leaves<L: WriteLeaves>(
     boxes: &BoxTree,
     leaves: &L,
     before: Counts,
-    is_parallel: bool,
+    work: Work<'_>,
 ) -> (Vec<WideNode>, Vec<Block>, Child) {
     let Some(root) = boxes.root() else {
         return (Vec::new(), Vec::new(), Child::NOTHING);
@@ -139,7 +145,7 @@ fn emit_leaves<L: WriteLeaves>(
         boxes,
         leaves,
         counts: vec![Counts::default(); boxes.len()],
-        is_parallel,
+        work,
     };
     let counts = emitter.count(root);
     // Zeroed pages of the system, untouched: threads share the work of touching them.
@@ -152,7 +158,7 @@ fn emit_leaves<L: WriteLeaves>(
         blocks: &mut blocks,
         before,
     };
-    let (child, _) = emitter.child(root, space);
+    let (child, _) = emitter.child(root, space, Some(work.share));
     (nodes, blocks, child)
 }
 
@@ -176,14 +182,14 @@ impl<L: WriteLeaves> Emitter<'_, L> {
         counts
     }
 
-    /// The children of the wide node that a box becomes.
-    fn children(&self, index: u32) -> (Group, Vec<u32>) {
-        let mut parts = Vec::with_capacity(WIDTH);
-        let group = self.share(index, WIDTH, &mut parts);
-        (group, parts)
+    /// The children of the wide node that a box becomes, by number, and their orders.
+    fn children(&self, index: u32) -> (Orders, Few<u32>) {
+        let mut parts = Few::new();
+        let orders = self.share(index, WIDTH, &mut parts);
+        (orders, parts)
     }
 
-    fn share(&self, index: u32, children: usize, parts: &mut Vec<u32>) -> Group {
+    fn share(&self, index: u32, children: usize, parts: &mut Few<u32>) -> Orders {
         let node = self.boxes.node(index);
         match node.kind {
             Kind::Split {
@@ -192,22 +198,34 @@ impl<L: WriteLeaves> Emitter<'_, L> {
             } if children > 1 => {
                 let of_lower = node.choice.lower(children);
                 let shares = [(lower, of_lower), (upper, children - of_lower)];
-                let groups = shares.map(|(part, most)| {
+                let orders = shares.map(|(part, most)| {
                     let most = self.boxes.node(part).choice.best(most);
                     self.share(part, most, parts)
                 });
-                Group::Split(axis.index(), Box::new(groups))
+                Orders::both(axis.index(), orders)
             }
             _ => {
                 parts.push(index);
-                let number = u32::try_from(parts.len() - 1).expect("at most eight");
-                Group::Child(number)
+                Orders::one(u32::try_from(parts.len() - 1).expect("at most eight"))
             }
         }
     }
 
-    /// Writes a subtree to exactly the space that it needs.
-    fn child(&self, index: u32, mut space: Space<'_>) -> (Child, Prospect) {
+    /// Writes a subtree to exactly the space that it needs, and reports its share of the work. Without a share, the caller does.
+    fn child(&self, index: u32, mut space: Space<'_>, share: Option<Share>) -> (Child, Prospect) {
+        /// Blocks between two reports.
+        const REPORT: usize = 1 << 7;
+        if let Some(share) = share {
+            if space.blocks.len() <= REPORT {
+                let child = self.child(index, space, None);
+                // Larger subtrees ask whether the work was cancelled.
+                let _ = self.work.tracker.done(share);
+                return child;
+            }
+            if self.work.tracker.check().is_err() {
+                return (Child::NOTHING, Prospect::default());
+            }
+        }
         let bounds = self.boxes.node(index).bounds;
         if self.boxes.node(index).choice.is_leaf() {
             let items = self.boxes.items(index);
@@ -219,13 +237,9 @@ impl<L: WriteLeaves> Emitter<'_, L> {
             nodes: 1,
             blocks: 0,
         });
-        let (group, parts) = self.children(index);
-        let tasks: Vec<(u32, Space<'_>)> = parts
-            .iter()
-            .map(|part| (*part, space.take(self.counts[*part as usize])))
-            .collect();
-        let children = self.all(tasks);
-        let prospects: Vec<(Aabb, Prospect)> = parts
+        let (orders, parts) = self.children(index);
+        let children = self.all(&parts, space, share);
+        let prospects: Few<(Aabb, Prospect)> = parts
             .iter()
             .zip(&children)
             .map(|(part, (_, prospect))| (self.boxes.node(*part).bounds, *prospect))
@@ -235,17 +249,38 @@ impl<L: WriteLeaves> Emitter<'_, L> {
         for ((bounds, _), ((child, _), lane)) in prospects.iter().zip(children.iter().zip(lanes)) {
             node.set(lane as usize, bounds, *child);
         }
-        node.orders = [0, 1, 2, 3, 4, 5, 6, 7].map(|octant| group.order(octant, &lanes));
+        node.orders = orders.of_lanes(&lanes);
         own.nodes[0] = node;
         (Child::node(place), Prospect::of_node(&bounds, &prospects))
     }
 
-    fn all(&self, tasks: Vec<(u32, Space<'_>)>) -> Vec<(Child, Prospect)> {
-        /// Some hundreds of microseconds of work.
+    /// Writes subtrees one behind the other, possibly at the same time.
+    fn all(
+        &self,
+        parts: &[u32],
+        mut space: Space<'_>,
+        mut share: Option<Share>,
+    ) -> Few<(Child, Prospect)> {
+        /// Blocks: some hundreds of microseconds of work.
         const TASK: usize = 1 << 10;
-        let blocks: usize = tasks.iter().map(|(_, space)| space.blocks.len()).sum();
-        let is_parallel = self.is_parallel && blocks > TASK;
-        kd_tasks::map(tasks, is_parallel, |(part, space)| self.child(part, space))
+        let mut blocks = space.blocks.len();
+        let is_parallel = self.work.is_parallel && blocks > TASK;
+        let shared = parts.iter().map(|part| {
+            let counts = self.counts[*part as usize];
+            blocks -= counts.blocks;
+            let [of_part, rest] = match share {
+                Some(share) => share.divide([counts.blocks, blocks]).map(Some),
+                None => [None; 2],
+            };
+            share = rest;
+            (*part, space.take(counts), of_part)
+        });
+        let write = |(part, space, share)| self.child(part, space, share);
+        if is_parallel {
+            kd_tasks::map(shared.collect(), true, write).into()
+        } else {
+            shared.map(write).collect()
+        }
     }
 }
 
@@ -329,26 +364,45 @@ fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> C
     Child::node(place)
 }
 
-impl Group {
-    /// All lanes from far to near for the directions of an octant, three bits each. `lanes` are those of the children.
-    fn order(&self, octant: usize, lanes: &[u32; WIDTH]) -> u32 {
-        let mut children = Vec::with_capacity(WIDTH);
-        self.add_to(octant, &mut children);
-        // Rays never enter lanes without a child.
-        let lacking = (0..8_u32).skip(children.len());
-        children.extend(lacking);
-        let in_order = children.iter().rev();
-        in_order.fold(0, |order, child| order << 3 | lanes[*child as usize])
+impl Orders {
+    fn one(number: u32) -> Self {
+        Self {
+            of: [number; 8],
+            count: 1,
+        }
     }
 
-    fn add_to(&self, octant: usize, lanes: &mut Vec<u32>) {
-        match self {
-            Self::Child(number) => lanes.push(*number),
-            Self::Split(axis, parts) => {
-                let near = octant >> axis & 1;
-                parts[near ^ 1].add_to(octant, lanes);
-                parts[near].add_to(octant, lanes);
-            }
+    /// Those of two groups, the lower and the upper one on an axis: the near one follows the far one.
+    fn both(axis: usize, [lower, upper]: [Self; 2]) -> Self {
+        let mut of = [0; 8];
+        for (octant, order) in of.iter_mut().enumerate() {
+            let (far, near) = if octant >> axis & 1 == 0 {
+                (&upper, &lower)
+            } else {
+                (&lower, &upper)
+            };
+            *order = far.of[octant] | near.of[octant] << (3 * far.count);
         }
+        Self {
+            of,
+            count: lower.count + upper.count,
+        }
+    }
+
+    /// The same orders of all lanes, where `lanes` are those of the children by number, and then those without a child, which rays
+    /// never enter.
+    fn of_lanes(&self, lanes: &[u32; WIDTH]) -> [u32; 8] {
+        self.of.map(|order| {
+            let mut in_lanes = 0;
+            for (place, lane) in (0..).zip(lanes) {
+                let lane = if place < self.count {
+                    lanes[(order >> (3 * place) & 7) as usize]
+                } else {
+                    *lane
+                };
+                in_lanes |= lane << (3 * place);
+            }
+            in_lanes
+        })
     }
 }

@@ -173,7 +173,7 @@ impl Joiner<'_> {
         let mut next = 0;
         while next < items.len() {
             let item = items[next];
-            let link = to.links[item.number as usize];
+            let link = to.links[item.number() as usize];
             let is_large = !link.child.is_leaf() && item.bounds().half_area() >= least;
             if is_large && items.iter().any(|other| to.is_mixed(&item, other)) {
                 items.swap_remove(next);
@@ -196,16 +196,16 @@ impl Joiner<'_> {
 impl Joint {
     /// Whether two items overlap and are of different members.
     fn is_mixed(&self, a: &Item, b: &Item) -> bool {
-        let overlap = a.min.cmple(b.max) & b.min.cmple(a.max);
+        let overlap = a.min().cmple(b.max()) & b.min().cmple(a.max());
         overlap.all()
-            && self.links[a.number as usize].member != self.links[b.number as usize].member
+            && self.links[a.number() as usize].member != self.links[b.number() as usize].member
     }
 
     /// The links of some items, which get new numbers.
     fn take_links(&self, items: &mut [Item]) -> Vec<Link> {
         let numbered = items.iter_mut().zip(0..);
         numbered
-            .map(|(item, number)| self.links[std::mem::replace(&mut item.number, number) as usize])
+            .map(|(item, number)| self.links[item.replace_number(number) as usize])
             .collect()
     }
 

@@ -62,8 +62,10 @@
 
 mod arrays;
 mod binary;
+mod bins;
 mod block;
 mod box_tree;
+mod chunks;
 mod collapse;
 mod divide;
 mod emit;
@@ -73,7 +75,10 @@ mod join;
 mod large_pages;
 mod node;
 mod object_split;
+mod plane_split;
+mod stats;
 mod tree;
+mod work;
 
 pub use arrays::Refit;
 pub use binary::{BinaryNode, BinaryTree};
@@ -85,4 +90,4 @@ pub use frame::{Frame, MOST_USUAL, PER_REACH};
 pub use join::{Join, Joined};
 pub use node::{Child, WIDTH, WideNode};
 pub use object_split::ObjectSplit;
-pub use tree::WideTree;
+pub use tree::{Division, WideTree};

@@ -1,16 +1,38 @@
 //! A tree of wide nodes, and the ways to make one.
 
-use kd_core::{Aabb, LayoutBytes, Mesh, Tree};
+use kd_core::{Aabb, LayoutBytes, Mesh, Tree, TreeStats};
 use kd_simd::Level;
+use kd_tasks::{Cancelled, Progress, Tracker};
 
 use crate::arrays::Arrays;
 use crate::binary::{self, BinaryTree};
 use crate::block::Block;
 use crate::box_tree::{BoxTree, Item};
-use crate::divide::{boxes_of_objects, boxes_of_tree};
+use crate::divide::{boxes_of_bins, boxes_of_objects, boxes_of_tree};
 use crate::emit;
 use crate::frame::Frame;
 use crate::node::{Child, WideNode};
+use crate::stats;
+use crate::work::Work;
+
+/// How the triangles of a mesh are divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Division {
+    /// By object splits alone. The fastest to make.
+    Objects,
+    /// By planes in cells of more than [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles where object splits leave boxes that overlap,
+    /// as among the walls of rooms; by object splits elsewhere.
+    Planes {
+        /// The most references to triangles, at least one to each: a triangle that a plane cuts is referenced on both sides.
+        most_references: u64,
+    },
+    /// The cheaper of both by SAH cost.
+    Cheapest {
+        /// As in [`Planes`](Self::Planes).
+        most_references: u64,
+    },
+}
 
 /// A tree of nodes with up to eight children, and of triangles in blocks of eight.
 ///
@@ -26,6 +48,52 @@ pub struct WideTree {
 }
 
 impl WideTree {
+    /// Makes wide nodes of a mesh. Their quality, and the time that they take, is that of the [`Division`].
+    ///
+    /// The same mesh and division give the same tree, bit for bit, on any number of threads. `progress` is called as in
+    /// [`Progress`]. O(N log N).
+    ///
+    /// # Errors
+    ///
+    /// [`Cancelled`] soon after `progress` has broken.
+    pub fn build(
+        mesh: &Mesh,
+        division: Division,
+        is_parallel: bool,
+        progress: Option<&Progress<'_>>,
+    ) -> Result<Self, Cancelled> {
+        let tracker = Tracker::new(progress);
+        let tree = Self::built(mesh, division, Work::new(is_parallel, &tracker));
+        tracker.check().map(|()| tree)
+    }
+
+    /// A tree that is good for nothing if the work was cancelled.
+    fn built(mesh: &Mesh, division: Division, work: Work<'_>) -> Self {
+        let [divide, rest] = work.divide([3, 1]);
+        let items = items_of_mesh(mesh, work.is_parallel);
+        let bounds = mesh.bounds();
+        let (boxes, _) = match division {
+            Division::Objects => boxes_of_objects(mesh, items, &bounds, divide),
+            Division::Planes { most_references } => {
+                boxes_of_bins(mesh, items, &bounds, most_references, divide)
+            }
+            Division::Cheapest { most_references } => {
+                let [first, second] = divide.divide([1, 1]);
+                let (planes, objects) = kd_tasks::join_if(
+                    work.is_parallel,
+                    || boxes_of_bins(mesh, items.clone(), &bounds, most_references, first),
+                    || boxes_of_objects(mesh, items.clone(), &bounds, second),
+                );
+                if objects.1 < planes.1 {
+                    objects
+                } else {
+                    planes
+                }
+            }
+        };
+        Self::of_boxes(&boxes, mesh, &bounds, rest)
+    }
+
     /// Makes wide nodes from a kd-tree over `mesh` on the calling thread, for the fastest [`Level`] of this processor.
     ///
     /// Follows the planes of the kd-tree in cells of more than [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles, and divides
@@ -36,16 +104,26 @@ impl WideTree {
     ///
     /// If `mesh` is not the one that the tree was built from, and has fewer triangles.
     pub fn new(tree: &Tree, mesh: &Mesh) -> Self {
-        Self::with(tree, mesh, None, false)
+        Self::of_kd_tree(tree, mesh, false, None).expect("nothing cancels it")
     }
 
-    /// [`new`](Self::new) on the threads of the pool in scope (rayon's). The result is the same.
+    /// [`new`](Self::new), parallel: on the threads of the pool in scope (rayon's), with the same result. `progress` is called as in
+    /// [`Progress`].
+    ///
+    /// # Errors
+    ///
+    /// [`Cancelled`] soon after `progress` has broken.
     ///
     /// # Panics
     ///
     /// As [`new`](Self::new).
-    pub fn new_parallel(tree: &Tree, mesh: &Mesh) -> Self {
-        Self::with(tree, mesh, None, true)
+    pub fn of_kd_tree(
+        tree: &Tree,
+        mesh: &Mesh,
+        is_parallel: bool,
+        progress: Option<&Progress<'_>>,
+    ) -> Result<Self, Cancelled> {
+        Self::with(tree, mesh, None, is_parallel, progress)
     }
 
     /// [`new`](Self::new) with another limit: follows the planes of the kd-tree in all cells of more than `planes_above`
@@ -55,54 +133,37 @@ impl WideTree {
     ///
     /// As [`new`](Self::new).
     pub fn with_planes_above(tree: &Tree, mesh: &Mesh, planes_above: usize) -> Self {
-        Self::with(tree, mesh, Some(planes_above), false)
+        let wide = Self::with(tree, mesh, Some(planes_above), false, None);
+        wide.expect("nothing cancels it")
     }
 
-    fn with(tree: &Tree, mesh: &Mesh, planes_above: Option<usize>, is_parallel: bool) -> Self {
+    fn with(
+        tree: &Tree,
+        mesh: &Mesh,
+        planes_above: Option<usize>,
+        is_parallel: bool,
+        progress: Option<&Progress<'_>>,
+    ) -> Result<Self, Cancelled> {
+        let tracker = Tracker::new(progress);
+        let [divide, rest] = Work::new(is_parallel, &tracker).divide([3, 1]);
         let items = items_of_tree(tree, mesh);
-        let (boxes, _) = boxes_of_tree(tree, mesh, items, planes_above, is_parallel);
-        Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
+        let (boxes, _) = boxes_of_tree(tree, mesh, items, planes_above, divide);
+        let wide = Self::of_boxes(&boxes, mesh, &tree.bounds(), rest);
+        tracker.check().map(|()| wide)
     }
 
-    /// The cheaper of [`new`](Self::new) and [`from_objects`](Self::from_objects) by SAH cost. Takes about one and a half times
-    /// as long as the first. Parallel: on the threads of the pool in scope.
+    /// [`build`](Self::build) by objects alone, on the calling thread.
     ///
-    /// # Panics
-    ///
-    /// As [`new`](Self::new).
-    pub fn best(tree: &Tree, mesh: &Mesh, is_parallel: bool) -> Self {
-        let items = items_of_tree(tree, mesh);
-        let (by_planes, by_objects) = kd_tasks::join_if(
-            is_parallel,
-            || boxes_of_tree(tree, mesh, items.clone(), None, is_parallel),
-            || boxes_of_objects(items.clone(), &tree.bounds(), is_parallel),
-        );
-        let boxes = if by_objects.1 < by_planes.1 {
-            by_objects.0
-        } else {
-            by_planes.0
-        };
-        Self::of_boxes(&boxes, mesh, &tree.bounds(), is_parallel)
-    }
-
-    /// Makes wide nodes without a kd-tree, by object splits alone, on the calling thread.
-    ///
-    /// A mesh of at most [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles gets the same nodes as from [`new`](Self::new); larger
-    /// ones trace somewhat slower. Takes a fraction of the time of a kd-tree, which pays for meshes that soon change.
+    /// A mesh of at most [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles gets the same nodes as from planes.
     pub fn from_objects(mesh: &Mesh) -> Self {
-        Self::with_objects(mesh, false)
+        let tracker = Tracker::new(None);
+        Self::built(mesh, Division::Objects, Work::new(false, &tracker))
     }
 
     /// [`from_objects`](Self::from_objects) on the threads of the pool in scope (rayon's). The result is the same.
     pub fn from_objects_parallel(mesh: &Mesh) -> Self {
-        Self::with_objects(mesh, true)
-    }
-
-    fn with_objects(mesh: &Mesh, is_parallel: bool) -> Self {
-        let triangles = 0..u32::try_from(mesh.len()).expect("30 bits count triangles");
-        let items = triangles.map(|triangle| Item::whole(triangle, mesh));
-        let (boxes, _) = boxes_of_objects(items.collect(), &mesh.bounds(), is_parallel);
-        Self::of_boxes(&boxes, mesh, &mesh.bounds(), is_parallel)
+        let tracker = Tracker::new(None);
+        Self::built(mesh, Division::Objects, Work::new(true, &tracker))
     }
 
     /// Makes wide nodes from a binary tree that was made elsewhere, such as a bounding volume hierarchy, on the calling
@@ -117,11 +178,13 @@ impl WideTree {
     /// levels below the root.
     pub fn from_binary(tree: &impl BinaryTree, mesh: &Mesh) -> Self {
         let boxes = binary::boxes_of_binary(tree, mesh);
-        Self::of_boxes(&boxes, mesh, &mesh.bounds(), false)
+        let tracker = Tracker::new(None);
+        let work = Work::new(false, &tracker);
+        Self::of_boxes(&boxes, mesh, &mesh.bounds(), work)
     }
 
-    fn of_boxes(boxes: &BoxTree, mesh: &Mesh, bounds: &Aabb, is_parallel: bool) -> Self {
-        let (nodes, blocks, root) = emit::emit(boxes, mesh, is_parallel);
+    fn of_boxes(boxes: &BoxTree, mesh: &Mesh, bounds: &Aabb, work: Work<'_>) -> Self {
+        let (nodes, blocks, root) = emit::emit(boxes, mesh, work);
         Self {
             arrays: Arrays::new(nodes, blocks, root),
             frame: Frame::new(bounds),
@@ -147,6 +210,11 @@ impl WideTree {
             nodes: size_of_val(self.arrays.nodes()),
             blocks: size_of_val(self.arrays.blocks()),
         }
+    }
+
+    /// Counts, histograms, costs and sizes of the wide nodes, for the mesh that they were made from. Linear in their number.
+    pub fn stats(&self, mesh: &Mesh) -> TreeStats {
+        stats::stats(self, mesh)
     }
 
     /// The box of the tree, for error bounds of rays.
@@ -210,6 +278,12 @@ impl PartialEq for WideTree {
     fn eq(&self, other: &Self) -> bool {
         self.arrays == other.arrays
     }
+}
+
+/// The triangles of a mesh, each with its box.
+fn items_of_mesh(mesh: &Mesh, is_parallel: bool) -> Vec<Item> {
+    let count = u32::try_from(mesh.len()).expect("30 bits count triangles");
+    kd_tasks::collect(count, is_parallel, |triangle| Item::whole(triangle, mesh))
 }
 
 /// The triangles of a kd-tree, each with its box.

@@ -1,15 +1,15 @@
 //! A kd-tree with its mesh.
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{self, BufWriter};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
 use kd_sah::{BuildError, BuildOptions, BuildProgress};
 use kd_trace::{Level, RayQuery, delegate_ray_query};
 
-use crate::layout::{LayoutPolicy, TreeLayout};
+use crate::layout::{self, LayoutPolicy, TreeLayout, TreeLayoutRef};
 
 /// A kd-tree over a mesh with the [layout](crate::layout) that rays traverse. Queries take `&self` and may run on any number of
 /// threads.
@@ -19,32 +19,37 @@ use crate::layout::{LayoutPolicy, TreeLayout};
 /// that triangles share.
 ///
 /// A ray that cannot hit anything (see [`Ray`]), and any ray on an empty mesh, is a miss, not an error.
+///
+/// # The kd-tree itself
+///
+/// Rays through wide nodes need no kd-tree, so the presets do not build one ([`WideNodes`](crate::WideNodes)). It is built on
+/// demand, by the method of the preset: [`kd_tree`](Self::kd_tree) builds it at its first call, and so do [`nodes`](Self::nodes)
+/// and [`save`](Self::save). [`Layout::Binary`] and [`BuildOptions::with_method`] always build it.
 #[derive(Clone, Debug)]
 pub struct KdTree {
     mesh: Arc<Mesh>,
-    tree: Tree,
+    /// Built with the layout, or on demand.
+    tree: OnceLock<Tree>,
     pub(crate) layout: TreeLayout,
-    policy: LayoutPolicy,
+    options: BuildOptions,
 }
 
 impl KdTree {
-    /// Builds a kd-tree over a mesh and its layout, by default on all cores.
+    /// Builds what rays traverse, by default on all cores: wide nodes, or a kd-tree and its layout.
     ///
     /// The same mesh and options give the same tree, bit for bit, at any number of threads. An empty mesh gives a tree that
-    /// nothing hits. The layout takes 60 to 110 bytes a triangle, beside the tree; where that is too much,
-    /// [`custom::build`](crate::custom::build) returns the tree without a layout.
+    /// nothing hits. The layout takes 60 to 110 bytes a triangle; where that is too much,
+    /// [`custom::build`](crate::custom::build) returns a kd-tree without a layout.
     ///
     /// # Errors
     ///
     /// [`BuildError`] names the option that is out of range, or says that the tree outgrew its 30-bit indices.
     pub fn build(mesh: impl Into<Arc<Mesh>>, options: &BuildOptions) -> Result<Self, BuildError> {
-        let mesh = mesh.into();
-        let tree = kd_sah::build(&*mesh, options)?;
-        Ok(Self::laid_out(mesh, tree, options))
+        Self::built(mesh.into(), options, None)
     }
 
     /// [`build`](Self::build) for long builds: calls `progress` up to 256 times with the fraction that is done, from 0 to 1;
-    /// `progress` can cancel the build by breaking. The fraction covers tree construction only, without layout.
+    /// `progress` can cancel the build by breaking. The fraction covers the kd-tree, if one is built, and the layout.
     ///
     /// ```
     /// use std::ops::ControlFlow;
@@ -75,33 +80,84 @@ impl KdTree {
         options: &BuildOptions,
         progress: &BuildProgress<'_>,
     ) -> Result<Self, BuildError> {
-        let mesh = mesh.into();
-        let tree = kd_sah::build_with_progress(&*mesh, options, progress)?;
-        Ok(Self::laid_out(mesh, tree, options))
+        Self::built(mesh.into(), options, Some(progress))
     }
 
-    fn laid_out(mesh: Arc<Mesh>, tree: Tree, options: &BuildOptions) -> Self {
-        let policy = LayoutPolicy::new(options);
-        Self {
-            layout: policy.lay_out(&tree, &mesh),
-            policy,
+    fn built(
+        mesh: Arc<Mesh>,
+        options: &BuildOptions,
+        progress: Option<&BuildProgress<'_>>,
+    ) -> Result<Self, BuildError> {
+        let (layout, tree) = layout::build(&mesh, options, progress)?;
+        Ok(Self {
             mesh,
-            tree,
-        }
+            tree: tree.map_or_else(OnceLock::new, OnceLock::from),
+            layout,
+            options: options.clone(),
+        })
     }
 
-    /// The same tree in another layout: equal to the tree that the same build makes with that layout in its options.
-    #[must_use]
-    pub fn with_layout(self, layout: Layout) -> Self {
+    /// The same mesh in another layout: equal to the tree that the same build makes with that layout in its options. Builds the
+    /// kd-tree for [`Layout::Binary`], if there is none.
+    ///
+    /// # Errors
+    ///
+    /// As [`kd_tree`](Self::kd_tree).
+    pub fn with_layout(self, layout: Layout) -> Result<Self, BuildError> {
         if self.layout() == layout {
-            return self;
+            return Ok(self);
         }
-        let policy = self.policy.with_layout(layout);
-        Self {
-            layout: policy.lay_out(&self.tree, &self.mesh),
-            policy,
+        let options = self.options.clone().with_layout(layout);
+        let policy = LayoutPolicy::new(&options);
+        let layout = if policy.follows_kd_tree() {
+            policy.lay_out(self.kd_tree()?, &self.mesh)
+        } else {
+            layout::build(&self.mesh, &options, None)?.0
+        };
+        Ok(Self {
+            layout,
+            options,
             ..self
+        })
+    }
+
+    /// The kd-tree that the options describe. Built at the first call, if the layout was made without it; then kept.
+    ///
+    /// ```
+    /// use kd::{BuildOptions, KdTree, Mesh};
+    ///
+    /// let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+    /// let tree = KdTree::build(mesh, &BuildOptions::balanced())?; // wide nodes
+    /// let kd_tree = tree.kd_tree()?;
+    /// assert_eq!(kd_tree.stats().references, 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`BuildError`] if the tree outgrew its 30-bit indices, or if the threads could not be started.
+    pub fn kd_tree(&self) -> Result<&Tree, BuildError> {
+        self.kd_tree_on_demand(None)
+    }
+
+    /// [`kd_tree`](Self::kd_tree) with progress and cancellation, as in [`build_with_progress`](Self::build_with_progress). A tree
+    /// that is there already calls nothing.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`kd_tree`](Self::kd_tree), and [`BuildError::Cancelled`] soon after `progress` has broken; a later call starts
+    /// again.
+    pub fn kd_tree_with_progress(&self, progress: &BuildProgress<'_>) -> Result<&Tree, BuildError> {
+        self.kd_tree_on_demand(Some(progress))
+    }
+
+    fn kd_tree_on_demand(&self, progress: Option<&BuildProgress<'_>>) -> Result<&Tree, BuildError> {
+        if let Some(tree) = self.tree.get() {
+            return Ok(tree);
         }
+        let tree = layout::build_kd_tree(&self.mesh, &self.options, progress)?;
+        // Another thread may have built the same tree meanwhile.
+        Ok(self.tree.get_or_init(|| tree))
     }
 
     /// Which layout rays traverse.
@@ -117,21 +173,22 @@ impl KdTree {
         Self { layout, ..self }
     }
 
-    /// Writes the mesh and the tree to a file that [`load`](Self::load) reads: the same bytes on every platform. The layout is
-    /// not written.
+    /// Writes the mesh and the kd-tree to a file that [`load`](Self::load) reads: the same bytes on every platform. Builds the
+    /// kd-tree if there is none ([`kd_tree`](Self::kd_tree)). The layout is not written.
     ///
     /// The data goes to a file beside it first (`….partial`), which then replaces an existing file as a whole.
     ///
     /// # Errors
     ///
-    /// [`FileError`] names the file and the error of the system.
+    /// [`FileError`] names the file and the error of the system, or of the build of the kd-tree.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
         let path = path.as_ref();
         let mut partial = path.as_os_str().to_owned();
         partial.push(".partial");
         let written = File::create(&partial).and_then(|file| {
+            let tree = self.kd_tree().map_err(io::Error::other)?;
             let mut file = BufWriter::new(file);
-            kd_core::write_tree(&self.mesh, &self.tree, &mut file)?;
+            kd_core::write_tree(&self.mesh, tree, &mut file)?;
             file.into_inner()?.sync_all()?;
             std::fs::rename(&partial, path)
         });
@@ -158,13 +215,11 @@ impl KdTree {
     }
 
     /// [`load`](Self::load) with the [layout](crate::layout) that a build with `options` makes. A file does not record the
-    /// options of its build: those of [`BuildOptions::best`] give the layout of a tree built by `best`.
-    ///
-    /// Only the layout, the method and the number of threads in `options` count.
+    /// options of its build.
     ///
     /// # Errors
     ///
-    /// As [`load`](Self::load).
+    /// As [`load`](Self::load); [`FileError::Io`] if the layout cannot be built by these options.
     pub fn load_with(path: impl AsRef<Path>, options: &BuildOptions) -> Result<Self, FileError> {
         let file = path.as_ref().display().to_string();
         let bytes = match std::fs::read(path) {
@@ -172,7 +227,23 @@ impl KdTree {
             Err(source) => return Err(FileError::Io { file, source }),
         };
         let (mesh, tree) = kd_core::read_tree(&bytes, &file)?;
-        Ok(Self::laid_out(Arc::new(mesh), tree, options))
+        let policy = LayoutPolicy::new(options);
+        let layout = if policy.follows_kd_tree() {
+            policy.lay_out(&tree, &mesh)
+        } else {
+            let built = layout::build(&mesh, options, None);
+            let built = built.map_err(|error| FileError::Io {
+                file,
+                source: io::Error::other(error),
+            })?;
+            built.0
+        };
+        Ok(Self {
+            mesh: Arc::new(mesh),
+            tree: tree.into(),
+            layout,
+            options: options.clone(),
+        })
     }
 
     /// The closest hit with `t_min <= t <= t_max`; both sides of a triangle count.
@@ -249,27 +320,31 @@ impl KdTree {
         self.layout.borrowed().occluded8(packet)
     }
 
-    /// Counts, histograms, costs and sizes; linear in the number of nodes.
+    /// Counts, histograms, costs and sizes of what rays traverse; linear in the number of nodes. Of the kd-tree, or of wide nodes
+    /// that were made without one: [`TreeStats::of`] says which. `kd_tree()?.stats()` are those of the kd-tree in any case.
     pub fn stats(&self) -> TreeStats {
-        self.tree
-            .stats()
-            .with_zero_area(self.mesh.zero_area_count())
-            .with_layout_bytes(self.layout.borrowed().bytes())
+        match (self.layout.borrowed(), self.tree.get()) {
+            (layout, Some(tree)) if LayoutPolicy::new(&self.options).follows_kd_tree() => tree
+                .stats()
+                .with_zero_area(self.mesh.zero_area_count())
+                .with_layout_bytes(layout.bytes()),
+            (TreeLayoutRef::Wide(wide), _) => wide.stats(&self.mesh),
+            (TreeLayoutRef::Binary(_), _) => unreachable!("a binary layout follows a kd-tree"),
+        }
     }
 
-    /// The nodes, root first; child indices refer to this slice.
+    /// The nodes of the kd-tree, root first; child indices refer to this slice. Builds the kd-tree if there is none.
+    ///
+    /// # Panics
+    ///
+    /// If the build fails: [`kd_tree`](Self::kd_tree) returns the error instead.
     pub fn nodes(&self) -> &[Node] {
-        self.tree.nodes()
+        self.kd_tree().expect("a kd-tree within its limits").nodes()
     }
 
     /// The mesh that the tree is over.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
-    }
-
-    /// The tree without its mesh, for the functions of the crates below.
-    pub fn tree(&self) -> &Tree {
-        &self.tree
     }
 }
 

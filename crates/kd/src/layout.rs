@@ -14,22 +14,26 @@
 //!
 //! # Where wide nodes come from
 //!
-//! - *Planes*: the planes of the kd-tree divide cells of more than 1024 triangles; below, triangles are divided as objects,
-//!   as in a bounding volume hierarchy. All methods but the exact ones, and so [`BuildOptions::fast`] and
-//!   [`BuildOptions::balanced`], take these.
-//! - *Objects*: triangles are divided as objects all the way down, without a kd-tree: the fastest to make, for parts that
-//!   change.
-//! - *The cheaper of both by SAH cost*: [`Method::Exact`], [`Method::Sweep`], [`Method::Resort`] and [`Method::Naive`], and so
-//!   [`BuildOptions::best`], make both and keep one. That takes half as long again as planes alone, which is little beside an
-//!   exact build.
+//! [`BuildOptions::wide_nodes`] says so, for the static parts of a scene too. Presets make wide nodes from the mesh itself:
 //!
-//! A mesh of at most 1024 triangles therefore has the same wide nodes with every method. To trace the very cells that a builder
+//! - [`WideNodes::Objects`], by [`BuildOptions::fast`]: triangles are divided as objects all the way down.
+//! - [`WideNodes::Planes`], by [`BuildOptions::balanced`]: planes divide cells of more than 1024 triangles where boxes of objects
+//!   overlap much; elsewhere triangles are divided as objects.
+//! - [`WideNodes::Cheapest`], by [`BuildOptions::best`]: the cheaper of both by SAH cost.
+//! - [`WideNodes::KdTree`], by [`BuildOptions::with_method`]: the planes of the kd-tree divide cells of more than 1024 triangles;
+//!   below, triangles are divided as objects. Only these need a kd-tree; it is built first.
+//!
+//! A mesh of at most 1024 triangles therefore has the same wide nodes with the first three. To trace the very cells that a builder
 //! made, choose [`Layout::Binary`].
 
-use kd_core::{Hit, Mesh, Tree};
-use kd_trace::delegate_ray_query;
+use std::ops::ControlFlow;
 
-use crate::{BuildOptions, Layout, MergeMethod, Method, Strategy};
+use kd_core::{Hit, Mesh, Tree};
+use kd_sah::{BuildError, BuildProgress};
+use kd_tasks::Cancelled;
+use kd_trace::{Division, delegate_ray_query};
+
+use crate::{BuildOptions, Layout, MergeMethod, Strategy, WideNodes};
 #[cfg(doc)]
 use crate::{KdTree, LazyTree, Scene};
 
@@ -38,12 +42,64 @@ pub use kd_core::LayoutBytes;
 pub use kd_trace::TraversalCounts;
 pub use kd_trace::{Level, PackedTree, WideTree};
 
+/// The share of the work of a build that is the kd-tree, where there is one.
+const TREE_SHARE: f32 = 0.75;
+
+/// A layout, and the kd-tree that it was made from, if it was.
+pub(crate) type LaidOut = (TreeLayout, Option<Tree>);
+
+/// Builds what rays through a mesh traverse, by the options.
+pub(crate) fn build(
+    mesh: &Mesh,
+    options: &BuildOptions,
+    progress: Option<&BuildProgress<'_>>,
+) -> Result<LaidOut, BuildError> {
+    options.check()?;
+    let policy = LayoutPolicy::new(options);
+    let threads = kd_tasks::useful_threads(options.threads(), mesh.len());
+    kd_tasks::in_pool_of(threads, || {
+        if policy.layout == Layout::Wide
+            && let Some(wide) = policy.wide_tree_of_mesh(mesh, progress)
+        {
+            return wide.map(|wide| (TreeLayout::Wide(wide), None));
+        }
+        let Some(progress) = progress else {
+            let tree = build_kd_tree(mesh, options, None)?;
+            return Ok((policy.lay_out(&tree, mesh), Some(tree)));
+        };
+        let tree = build_kd_tree(mesh, options, Some(&|done| progress(TREE_SHARE * done)))?;
+        let rest = |done: f32| progress(TREE_SHARE + (1.0 - TREE_SHARE) * done);
+        let layout = policy.try_lay_out(&tree, mesh, Some(&rest))?;
+        Ok((layout, Some(tree)))
+    })?
+}
+
+/// Builds wide nodes, whatever layout the options say.
+pub(crate) fn build_wide(mesh: &Mesh, options: &BuildOptions) -> Result<WideTree, BuildError> {
+    match build(mesh, &options.clone().with_layout(Layout::Wide), None)?.0 {
+        TreeLayout::Wide(wide) => Ok(wide),
+        TreeLayout::Binary(_) => unreachable!("the options say wide nodes"),
+    }
+}
+
+/// Builds the kd-tree of the options, whatever rays traverse.
+pub(crate) fn build_kd_tree(
+    mesh: &Mesh,
+    options: &BuildOptions,
+    progress: Option<&BuildProgress<'_>>,
+) -> Result<Tree, BuildError> {
+    match progress {
+        Some(progress) => kd_sah::build_with_progress(mesh, options, progress),
+        None => kd_sah::build(mesh, options),
+    }
+}
+
 /// How trees are laid out: what [`BuildOptions`] say about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LayoutPolicy {
     layout: Layout,
-    /// Whether wide nodes are made from planes and from objects, and the cheaper ones kept.
-    compares_objects: bool,
+    wide_nodes: WideNodes,
+    most_references: Option<u64>,
     is_parallel: bool,
 }
 
@@ -51,39 +107,66 @@ impl LayoutPolicy {
     pub(crate) fn new(options: &BuildOptions) -> Self {
         Self {
             layout: options.layout(),
-            compares_objects: matches!(
-                options.method(),
-                Method::Exact | Method::Sweep | Method::Resort | Method::Naive
-            ),
+            wide_nodes: options.wide_nodes(),
+            most_references: options.max_refs(),
             is_parallel: options.threads() != 1,
         }
     }
 
-    /// The same policy for another layout.
-    pub(crate) fn with_layout(self, layout: Layout) -> Self {
-        Self { layout, ..self }
+    /// Whether a layout is made from a kd-tree.
+    pub(crate) fn follows_kd_tree(self) -> bool {
+        self.layout == Layout::Binary || self.wide_nodes == WideNodes::KdTree
     }
 
-    /// Lays out a tree over `mesh`, on the calling thread or on those of the pool in scope.
+    /// Lays out a tree over `mesh`, on the calling thread or on those of the pool in scope. Wide nodes follow the tree.
     pub(crate) fn lay_out(self, tree: &Tree, mesh: &Mesh) -> TreeLayout {
-        match self.layout {
-            Layout::Binary => TreeLayout::Binary(self.packed_tree(tree, mesh)),
-            _ => TreeLayout::Wide(self.wide_tree(tree, mesh)),
+        self.try_lay_out(tree, mesh, None)
+            .expect("nothing cancels it")
+    }
+
+    fn try_lay_out(
+        self,
+        tree: &Tree,
+        mesh: &Mesh,
+        progress: Option<&BuildProgress<'_>>,
+    ) -> Result<TreeLayout, Cancelled> {
+        if self.layout == Layout::Wide {
+            let wide = WideTree::of_kd_tree(tree, mesh, self.is_parallel, progress);
+            return wide.map(TreeLayout::Wide);
+        }
+        let packed = self.packed_tree(tree, mesh);
+        match progress.map(|progress| progress(1.0)) {
+            Some(ControlFlow::Break(())) => Err(Cancelled),
+            _ => Ok(TreeLayout::Binary(packed)),
         }
     }
 
-    /// Wide nodes for a kd-tree over `mesh`.
-    pub(crate) fn wide_tree(self, tree: &Tree, mesh: &Mesh) -> WideTree {
-        if self.compares_objects {
-            return WideTree::best(tree, mesh, self.is_parallel);
-        }
-        if self.is_parallel {
-            return WideTree::new_parallel(tree, mesh);
-        }
-        WideTree::new(tree, mesh)
+    /// Wide nodes that need no kd-tree; `None` if the options want those of one.
+    fn wide_tree_of_mesh(
+        self,
+        mesh: &Mesh,
+        progress: Option<&BuildProgress<'_>>,
+    ) -> Option<Result<WideTree, BuildError>> {
+        let most_references = self.most_references(mesh);
+        let division = match self.wide_nodes {
+            WideNodes::Objects => Division::Objects,
+            WideNodes::Planes => Division::Planes { most_references },
+            WideNodes::Cheapest => Division::Cheapest { most_references },
+            _ => return None,
+        };
+        let wide = WideTree::build(mesh, division, self.is_parallel, progress);
+        Some(wide.map_err(BuildError::from))
     }
 
-    /// Wide nodes for a mesh that has no kd-tree.
+    /// Planes below the top of a mesh rarely cut more than an eighth of its triangles. The limit is for meshes where they would
+    /// cut each of them often.
+    fn most_references(self, mesh: &Mesh) -> u64 {
+        let triangles = mesh.len() as u64;
+        let most = triangles + triangles / 2;
+        self.most_references.map_or(most, |limit| limit.min(most))
+    }
+
+    /// Wide nodes for a mesh that soon changes.
     pub(crate) fn wide_tree_of_objects(self, mesh: &Mesh) -> WideTree {
         if self.is_parallel {
             return WideTree::from_objects_parallel(mesh);
@@ -180,60 +263,4 @@ delegate_ray_query! {
     impl RayQuery<Hit = Hit> for TreeLayoutRef<'_>: single, batch, packet;
     Self::Binary(tree) => tree,
     Self::Wide(tree) => tree,
-}
-
-#[cfg(test)]
-mod tests {
-    use kd_scene::Spd;
-
-    use super::*;
-
-    fn built(options: &BuildOptions) -> (Mesh, Tree) {
-        let mesh = Spd::Sombrero.generate(2).expect("a small size").mesh;
-        let tree = kd_sah::build(&mesh, options).expect("valid options");
-        (mesh, tree)
-    }
-
-    #[track_caller]
-    fn wide(layout: TreeLayout) -> WideTree {
-        match layout {
-            TreeLayout::Wide(tree) => tree,
-            TreeLayout::Binary(_) => panic!("expected the wide layout"),
-        }
-    }
-
-    /// Objects are cheaper than planes in this mesh, so that the policies differ.
-    #[test]
-    fn exact_methods_keep_the_cheaper_wide_nodes() {
-        let options = BuildOptions::best();
-        let (mesh, tree) = built(&options);
-        let planes = WideTree::new(&tree, &mesh);
-        let cheaper = WideTree::best(&tree, &mesh, false);
-        assert!(planes != cheaper, "objects are cheaper");
-        for method in [Method::Exact, Method::Sweep, Method::Resort, Method::Naive] {
-            for threads in [0, 1] {
-                let options = options.clone().with_method(method).with_threads(threads);
-                let layout = LayoutPolicy::new(&options).lay_out(&tree, &mesh);
-                assert!(wide(layout) == cheaper, "{method:?}, {threads} threads");
-            }
-        }
-        for options in [BuildOptions::fast(), BuildOptions::balanced()] {
-            let layout = LayoutPolicy::new(&options).lay_out(&tree, &mesh);
-            assert!(wide(layout) == planes, "{:?}", options.method());
-        }
-    }
-
-    #[test]
-    fn a_change_of_layout_keeps_the_rest_of_the_policy() {
-        let options = BuildOptions::best();
-        let binary = LayoutPolicy::new(&options.clone().with_layout(Layout::Binary));
-        assert_eq!(
-            binary.with_layout(Layout::Wide),
-            LayoutPolicy::new(&options),
-            "as if built for the wide layout"
-        );
-        let (mesh, tree) = built(&options);
-        let layout = binary.lay_out(&tree, &mesh).layout();
-        assert_eq!(layout, Layout::Binary, "as the options say");
-    }
 }

@@ -133,7 +133,7 @@ pub use glam;
 pub use kd_core::{
     Aabb, CostModel, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats, offset_origin,
 };
-pub use kd_sah::{BuildError, BuildOptions, Method};
+pub use kd_sah::{BuildError, BuildOptions, Method, WideNodes};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
 pub use kd_trace::RayQuery;
@@ -150,7 +150,8 @@ pub mod build {
 /// The kd-tree and its file: nodes, references, limits.
 pub mod tree {
     pub use kd_core::{
-        Axis, FileError, MAX_DEPTH, MAX_TRIANGLES, Node, NodeIndex, NodeView, Slot, Tree, TreeError,
+        Axis, FileError, MAX_DEPTH, MAX_TRIANGLES, Node, NodeIndex, NodeView, Slot, StatsOf, Tree,
+        TreeError,
     };
 }
 

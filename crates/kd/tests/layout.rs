@@ -1,15 +1,28 @@
 //! The layout policy as a user sees it: every way to make a tree or a frame obeys the options.
 
-use std::sync::Arc;
+use std::collections::HashSet;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use kd::glam::{Affine3A, Vec3};
 use kd::scene::CommitError;
-use kd::{BuildOptions, KdTree, Layout, MergeMethod, Mesh, Ray, RayQuery, Scene, Strategy};
-use kd_scene::Spd;
+use kd::tree::StatsOf;
+use kd::{
+    BuildError, BuildOptions, KdTree, Layout, MergeMethod, Mesh, Ray, RayQuery, Scene, Strategy,
+    WideNodes,
+};
+use kd_scene::{Room, Spd};
+use kd_trace::{Division, WideTree};
 
-/// Objects give cheaper wide nodes than planes here, so that the policies of the presets differ.
+/// Object splits leave boxes that overlap here, and planes cost less in the end.
 fn mesh() -> Arc<Mesh> {
-    Arc::new(Spd::Sombrero.generate(2).expect("a small size").mesh)
+    Arc::new(Spd::Gears.generate(3).expect("a small size").mesh)
+}
+
+/// Objects cost less here.
+fn hall() -> Arc<Mesh> {
+    Arc::new(Room::Hall.generate(20).expect("a small size").mesh)
 }
 
 fn presets() -> [BuildOptions; 3] {
@@ -18,6 +31,16 @@ fn presets() -> [BuildOptions; 3] {
         BuildOptions::balanced(),
         BuildOptions::best(),
     ]
+}
+
+/// The presets, their methods as explicit ones, and both layouts of each.
+fn all_options() -> Vec<BuildOptions> {
+    let explicit = presets().map(|options| options.clone().with_method(options.method()));
+    let both = presets().into_iter().chain(explicit);
+    both.flat_map(|options| {
+        [Layout::Binary, Layout::Wide].map(|layout| options.clone().with_layout(layout))
+    })
+    .collect()
 }
 
 fn built(options: &BuildOptions) -> KdTree {
@@ -31,32 +54,170 @@ fn bytes(tree: &KdTree) -> kd::layout::LayoutBytes {
 
 #[test]
 fn bytes_distinguish_layouts() {
-    let [_, balanced, best] = presets();
-    let best = built(&best);
-    let planes = kd_trace::WideTree::new(best.tree(), best.mesh()).bytes();
-    assert_ne!(
-        bytes(&best),
-        planes,
-        "the cheaper nodes are not those of planes"
+    let [fast, balanced, _] = presets();
+    let explicit = balanced.clone().with_method(balanced.method());
+    let binary = balanced.clone().with_layout(Layout::Binary);
+    let options = [&fast, &balanced, &explicit, &binary];
+    let all: HashSet<_> = options.map(|options| bytes(&built(options))).into();
+    assert_eq!(all.len(), 4, "{all:?}");
+}
+
+#[test]
+fn presets_make_wide_nodes_without_a_kd_tree() {
+    let mesh = mesh();
+    let most_references = 10 * mesh.len() as u64;
+    let wide = |division| {
+        let wide = WideTree::build(&mesh, division, false, None).expect("not cancelled");
+        wide.bytes()
+    };
+    let [fast, balanced, best] = presets().map(|options| bytes(&built(&options)));
+    assert_eq!(fast, wide(Division::Objects), "fast");
+    assert_eq!(
+        balanced,
+        wide(Division::Planes { most_references }),
+        "balanced"
     );
-    assert_ne!(
-        bytes(&built(&balanced.clone().with_layout(Layout::Binary))),
-        bytes(&built(&balanced)),
-        "binary and wide"
+    assert_eq!(best, balanced, "planes cost less here");
+
+    let hall = hall();
+    let [fast, balanced, best] = presets().map(|options| {
+        let tree = KdTree::build(Arc::clone(&hall), &options).expect("valid options");
+        assert_eq!(tree.stats().of, StatsOf::WideNodes, "{options:?}");
+        bytes(&tree)
+    });
+    assert_ne!(fast, balanced, "planes");
+    assert_eq!(best, fast, "objects cost less here");
+}
+
+/// Which of both is described depends on the options alone, not on what was built on demand.
+#[test]
+fn statistics_describe_what_rays_traverse() {
+    for options in all_options() {
+        let tree = built(&options);
+        let stats = tree.stats();
+        let is_preset = options.wide_nodes() != WideNodes::KdTree;
+        let expected = if options.layout() == Layout::Wide && is_preset {
+            StatsOf::WideNodes
+        } else {
+            StatsOf::KdTree
+        };
+        assert_eq!(stats.of, expected, "{options:?}");
+        assert!(
+            stats.references >= tree.mesh().len(),
+            "{options:?}: {stats}"
+        );
+        let leaves: usize = stats.leaves_by_size.iter().sum();
+        assert_eq!(leaves, stats.leaves, "{options:?}: {stats}");
+        assert_eq!(
+            stats.leaves_by_depth.len(),
+            stats.depth + 1,
+            "{options:?}: {stats}"
+        );
+        let kd_tree = tree.kd_tree().expect("within limits").stats();
+        assert_eq!(kd_tree.of, StatsOf::KdTree, "{options:?}");
+        assert_eq!(tree.stats(), stats, "{options:?}: as before");
+    }
+}
+
+#[test]
+fn the_kd_tree_is_that_of_the_method() {
+    for options in presets() {
+        let on_demand = built(&options);
+        let at_once = built(&options.clone().with_method(options.method()));
+        assert!(on_demand.nodes() == at_once.nodes(), "{options:?}");
+    }
+}
+
+#[test]
+fn a_kd_tree_on_demand_can_be_cancelled_and_can_fail() {
+    let tree = built(&BuildOptions::balanced());
+    let cancelled = tree.kd_tree_with_progress(&|_| ControlFlow::Break(()));
+    assert_eq!(cancelled.err(), Some(BuildError::Cancelled));
+    let calls = AtomicUsize::new(0);
+    let count = |_: f32| {
+        calls.fetch_add(1, Ordering::Relaxed);
+        ControlFlow::Continue(())
+    };
+    let nodes = tree
+        .kd_tree_with_progress(&count)
+        .expect("not cancelled")
+        .nodes()
+        .len();
+    assert!(calls.load(Ordering::Relaxed) > 10, "{calls:?} calls");
+    // It is there now.
+    let again = tree.kd_tree_with_progress(&|_| ControlFlow::Break(()));
+    assert_eq!(again.expect("nothing to cancel").nodes().len(), nodes);
+}
+
+/// In the kd-tree and in each layout.
+#[test]
+fn a_build_is_cancelled_wherever_it_is() {
+    for options in all_options() {
+        for threads in [1, 2] {
+            let options = options.clone().with_threads(threads);
+            let calls = Mutex::new(Vec::new());
+            let record = |done: f32| {
+                calls.lock().expect("no panic").push(done);
+                ControlFlow::Continue(())
+            };
+            KdTree::build_with_progress(mesh(), &options, &record).expect("not cancelled");
+            let mut calls = calls.into_inner().expect("no panic");
+            calls.sort_by(f32::total_cmp);
+            assert_eq!(calls.last(), Some(&1.0), "{options:?}: {calls:?}");
+            assert!((10..=512).contains(&calls.len()), "{options:?}: {calls:?}");
+            for part in [0.0, 0.3, 0.7, 0.9, 0.99] {
+                let stop = |done: f32| {
+                    if done < part {
+                        ControlFlow::Continue(())
+                    } else {
+                        ControlFlow::Break(())
+                    }
+                };
+                let stopped = KdTree::build_with_progress(mesh(), &options, &stop);
+                assert_eq!(
+                    stopped.err(),
+                    Some(BuildError::Cancelled),
+                    "{options:?}, {part}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn wide_nodes_keep_to_the_limit_of_references() {
+    let triangles = mesh().len();
+    let references = |limit: Option<usize>| {
+        let options = BuildOptions::balanced();
+        let options = match limit {
+            Some(limit) => options.with_max_refs(limit as u64),
+            None => options,
+        };
+        built(&options).stats().references
+    };
+    let unlimited = references(None);
+    assert!(
+        unlimited > triangles + triangles / 50,
+        "planes cut triangles: {unlimited}"
     );
+    let half = triangles.midpoint(unlimited);
+    let limited = references(Some(half));
+    assert!(
+        (triangles + 1..=half).contains(&limited),
+        "{limited} of {half}"
+    );
+    assert_eq!(references(Some(0)), triangles, "one each");
 }
 
 #[test]
 fn a_changed_layout_is_the_one_of_a_build() {
-    for options in presets() {
-        for (from, to) in [
-            (Layout::Binary, Layout::Wide),
-            (Layout::Wide, Layout::Binary),
-        ] {
-            let changed = built(&options.clone().with_layout(from)).with_layout(to);
+    for options in all_options() {
+        for to in [Layout::Wide, Layout::Binary] {
+            let changed = built(&options).with_layout(to).expect("within limits");
             let expected = built(&options.clone().with_layout(to));
             assert_eq!(changed.layout(), to, "{options:?}");
             assert_eq!(bytes(&changed), bytes(&expected), "{options:?}");
+            assert_eq!(changed.stats(), expected.stats(), "{options:?}");
         }
     }
 }
@@ -65,15 +226,13 @@ fn a_changed_layout_is_the_one_of_a_build() {
 fn a_loaded_tree_obeys_options() {
     let name = format!("kd-layout-test-{}.kdtree", std::process::id());
     let path = std::env::temp_dir().join(name);
-    for options in presets() {
-        for layout in [Layout::Binary, Layout::Wide] {
-            let options = options.clone().with_layout(layout);
-            let tree = built(&options);
-            tree.save(&path).expect("a folder for temporary files");
-            let loaded = KdTree::load_with(&path, &options).expect("just written");
-            assert_eq!(loaded.layout(), layout, "{options:?}");
-            assert_eq!(bytes(&loaded), bytes(&tree), "{options:?}");
-        }
+    for options in all_options() {
+        let tree = built(&options);
+        tree.save(&path).expect("a folder for temporary files");
+        let loaded = KdTree::load_with(&path, &options).expect("just written");
+        assert_eq!(loaded.layout(), options.layout(), "{options:?}");
+        assert_eq!(bytes(&loaded), bytes(&tree), "{options:?}");
+        assert_eq!(loaded.stats(), tree.stats(), "{options:?}");
     }
     let default = KdTree::load(&path).expect("just written");
     let balanced = KdTree::load_with(&path, &BuildOptions::balanced()).expect("just written");
@@ -211,7 +370,7 @@ fn every_structure_answers_the_same_trait() {
         expected.contains(&true) && expected.contains(&false),
         "both"
     );
-    let binary = tree.with_layout(Layout::Binary);
+    let binary = tree.with_layout(Layout::Binary).expect("within limits");
     assert_eq!(hits_of(&binary, &rays), expected, "binary");
     let lazy = kd::LazyTree::new(Arc::clone(&mesh), &BuildOptions::balanced()).expect("valid");
     assert_eq!(hits_of(&lazy, &rays), expected, "lazy");

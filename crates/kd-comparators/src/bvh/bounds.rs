@@ -28,8 +28,8 @@ impl Bounds {
     #[inline(always)]
     pub(crate) fn of(item: &Item) -> Self {
         Self {
-            min: item.min,
-            max: item.max,
+            min: item.min(),
+            max: item.max(),
         }
     }
 
@@ -92,7 +92,7 @@ pub(crate) fn key(item: &Item, axis: Axis) -> u64 {
     } else {
         !bits
     };
-    u64::from(ascending) << 32 | u64::from(item.number)
+    u64::from(ascending) << 32 | u64::from(item.number())
 }
 
 impl Around {
@@ -153,12 +153,7 @@ mod tests {
     use super::*;
 
     fn at(x: f32, number: u32) -> Item {
-        let corner = Vec3A::splat(x);
-        Item {
-            min: corner,
-            max: corner,
-            number,
-        }
+        Item::within(Aabb::around([glam::Vec3::splat(x)]), number)
     }
 
     #[test]
@@ -178,10 +173,10 @@ mod tests {
     #[test]
     fn partition_moves_the_lower_items_to_the_front() {
         let mut items: Vec<Item> = (0..9).map(|i| at(i as f32, i)).collect();
-        let middle = partition(&mut items, |item| item.number % 3 == 1);
+        let middle = partition(&mut items, |item| item.number() % 3 == 1);
         let (lower, upper) = items.split_at(middle);
         assert_eq!(middle, 3, "1, 4 and 7");
-        assert!(lower.iter().all(|item| item.number % 3 == 1), "{lower:?}");
-        assert!(upper.iter().all(|item| item.number % 3 != 1), "{upper:?}");
+        assert!(lower.iter().all(|item| item.number() % 3 == 1), "{lower:?}");
+        assert!(upper.iter().all(|item| item.number() % 3 != 1), "{upper:?}");
     }
 }

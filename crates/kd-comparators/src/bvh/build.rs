@@ -98,7 +98,7 @@ impl<D: Divide> Driver<'_, D> {
         let bounds = around.bounds.aabb();
         let Some(division) = self.division(items, around, depth, &mut to.scratch) else {
             // The order in a leaf does not depend on the divisions above it.
-            items.sort_unstable_by_key(|item| item.number);
+            items.sort_unstable_by_key(|item| item.number());
             to.nodes.push(BvhNode::leaf(&bounds, first, count(items)));
             return;
         };

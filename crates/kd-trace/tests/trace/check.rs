@@ -5,16 +5,22 @@ use std::ops::Deref;
 use kd_core::{Hit, Mesh, NodeView, Ray, Tree};
 use kd_oracle::rays::Rays;
 pub(crate) use kd_oracle::source;
-use kd_trace::{Join, Level, PackedTree, RayQuery, WideForest, WideTree, brute_force, lazy};
+use kd_trace::{
+    Division, Join, Level, PackedTree, RayQuery, WideForest, WideTree, brute_force, lazy,
+};
 
 use crate::cells::CutTree;
+
+const PLANES: Division = Division::Planes {
+    most_references: u64::MAX,
+};
 
 /// A tree over a mesh and every way to trace it.
 pub(crate) struct Subject<'a> {
     mesh: &'a Mesh,
     tree: Tree,
     packed: [PackedTree; 2],
-    wide: [WideTree; 3],
+    wide: [WideTree; 4],
     cut: [CutTree; 2],
 }
 
@@ -28,6 +34,7 @@ impl<'a> Subject<'a> {
             wide: [
                 WideTree::new(&tree, mesh),
                 by_planes.with_level(Level::portable()),
+                WideTree::build(mesh, PLANES, false, None).expect("nothing cancels it"),
                 joined(mesh),
             ],
             cut: CutTree::both(&tree, mesh),

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use kd_core::{Arena, CostModel, Node, Pair, Ray, Slot, Tree};
 use kd_sah::{BuildOptions, build};
-use kd_trace::{CountedQuery, RayQuery, WideTree};
+use kd_trace::{CountedQuery, Division, RayQuery, WideTree};
 
 use crate::check::{Subject, check, source};
 use crate::rng::Rng;
@@ -57,12 +57,29 @@ fn threads_do_not_show() {
     }
     let mesh = field.mesh();
     let tree = build(&mesh, &BuildOptions::fast()).expect("valid");
-    let (one, many) = (
-        WideTree::new(&tree, &mesh),
-        WideTree::new_parallel(&tree, &mesh),
-    );
+    let of_kd_tree =
+        |is_parallel| WideTree::of_kd_tree(&tree, &mesh, is_parallel, None).expect("not cancelled");
+    let (one, many) = (of_kd_tree(false), of_kd_tree(true));
     assert!(one == many, "the same to the bit");
     assert!(one.bytes().nodes > 256 * 1000, "{:?}", one.bytes());
+    let most_references = 2 * mesh.len() as u64;
+    let mut references = Vec::new();
+    for division in [
+        Division::Objects,
+        Division::Planes { most_references },
+        Division::Cheapest { most_references },
+    ] {
+        let build = |is_parallel| {
+            WideTree::build(&mesh, division, is_parallel, None).expect("not cancelled")
+        };
+        let (one, many) = (build(false), build(true));
+        assert!(one == many, "{division:?}: the same to the bit");
+        references.push(one.stats(&mesh).references);
+    }
+    assert!(
+        references[0] < references[1],
+        "planes cut triangles: {references:?}"
+    );
 }
 
 #[test]

@@ -7,6 +7,7 @@
 
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
+use smallvec::SmallVec;
 
 use crate::node::WIDTH;
 
@@ -60,7 +61,7 @@ fn positive(x: f64) -> f64 {
 
 /// The lane of each child: ascending by value, equal ones in their order. Numbers without a child keep their lane.
 pub(super) fn lanes(children: &[(Aabb, Prospect)]) -> [u32; WIDTH] {
-    let mut sorted: Vec<(f64, usize)> = children
+    let mut sorted: SmallVec<[(f64, usize); WIDTH]> = children
         .iter()
         .map(|(bounds, prospect)| prospect.value(bounds))
         .zip(0..)

@@ -14,7 +14,7 @@ use super::part::{Part, Role};
 use super::part_group::PartVersion;
 use super::report::{CommitAction, CommitReason};
 use super::{CommitError, MergeMethod, Scene, Strategy};
-use crate::layout::{FrameLayout, LayoutPolicy, TreeLayout};
+use crate::layout::{self, FrameLayout, LayoutPolicy, TreeLayout};
 
 /// What a commit will do.
 pub(super) enum Plan {
@@ -69,9 +69,8 @@ impl Scene {
         if let FrameLayout::OneMesh(options) = frames {
             let all = Mesh::concatenated(meshes.iter().map(|mesh| &**mesh));
             let mesh = all.expect("parts have no more triangles than one mesh may have");
-            let tree = kd_sah::build(&mesh, options);
-            let tree = tree.map_err(|error| CommitError::Rebuild { error })?;
-            let layout = LayoutPolicy::new(options).lay_out(&tree, &mesh);
+            let built = layout::build(&mesh, options, None);
+            let (layout, _) = built.map_err(|error| CommitError::Rebuild { error })?;
             return Ok(Plan::Whole(meshes, Box::new(layout)));
         }
         let plans = self.each_part(|place, part| {
@@ -304,8 +303,11 @@ impl Scene {
         if part.role != Role::Static {
             return Ok((Nodes::New(self.build_fast(mesh)), CommitAction::BuiltFast));
         }
-        let tree = self.build_kd(part, mesh, &self.options)?;
-        let tree = LayoutPolicy::new(&self.options).wide_tree(&tree, mesh);
+        let tree = layout::build_wide(mesh, &self.options);
+        let tree = tree.map_err(|error| CommitError::Build {
+            part: part.id,
+            error,
+        })?;
         Ok((Nodes::New(tree), CommitAction::Built))
     }
 

@@ -59,12 +59,13 @@ impl<'a> Emitter<'a> {
     }
 
     fn add_leaf(&mut self, mut items: Vec<Item>) {
-        items.sort_unstable_by_key(|item| item.number);
+        items.sort_unstable_by_key(|item| item.number());
         let [first, count] = [self.triangles.len(), items.len()]
             .map(|count| u32::try_from(count).expect("30 bits count triangles"));
         let leaf = BvhNode::leaf(&Bounds::of_all(&items).aabb(), first, count);
         self.output.nodes.push(leaf);
-        self.triangles.extend(items.iter().map(|item| item.number));
+        self.triangles
+            .extend(items.iter().map(|item| item.number()));
     }
 
     /// Adds items in halves, where the depth limit leaves room for nothing else.
@@ -78,7 +79,8 @@ impl<'a> Emitter<'a> {
         let first = u32::try_from(self.triangles.len()).expect("30 bits count triangles");
         let around = Around::of(&items);
         driver.add(&mut items, &around, first, depth, &mut self.output);
-        self.triangles.extend(items.iter().map(|item| item.number));
+        self.triangles
+            .extend(items.iter().map(|item| item.number()));
     }
 
     fn bounds(&self, number: usize) -> Bounds {

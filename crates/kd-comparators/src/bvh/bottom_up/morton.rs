@@ -27,7 +27,7 @@ pub(super) fn in_order(items: &[Item], is_parallel: bool) -> Vec<Item> {
     let count = u32::try_from(items.len()).expect("30 bits count triangles");
     let mut order = kd_tasks::collect(count, is_parallel, |place| {
         let item = &items[place as usize];
-        (code(item), item.number, place)
+        (code(item), item.number(), place)
     });
     kd_tasks::sort(&mut order, is_parallel);
     let sorted = order.into_iter();
