@@ -38,6 +38,7 @@ mod serde_form;
 mod source;
 mod stats;
 mod tree;
+mod zero_area;
 
 pub use aabb::Aabb;
 pub use arena::{Arena, MAX_DEPTH, TreeError};
@@ -56,3 +57,4 @@ pub use ray_packet::RayPacket8;
 pub use source::PrimSource;
 pub use stats::{StatsOf, TreeStats};
 pub use tree::{Tree, Uncovered};
+pub use zero_area::is_zero_area;

@@ -3,7 +3,7 @@
 use glam::{Affine3A, Vec3, Vec3A};
 use thiserror::Error;
 
-use crate::Aabb;
+use crate::{Aabb, is_zero_area};
 
 /// The greatest number of triangles of a mesh: builders store a triangle's number in 30 bits.
 pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
@@ -198,11 +198,21 @@ impl Mesh {
         self.bounds
     }
 
-    /// The number of triangles whose area is exactly zero (two equal corners, or collinear corners). Linear.
+    /// The number of triangles whose area is exactly zero ([`is_zero_area`]). Linear.
     pub fn zero_area_count(&self) -> usize {
         let all = 0..self.len();
-        all.filter(|&triangle| has_zero_area(self.corners_at(triangle)))
+        all.filter(|&triangle| is_zero_area(self.corners_at(triangle)))
             .count()
+    }
+
+    /// Whether the area of a triangle is exactly zero ([`is_zero_area`]): no ray hits it.
+    ///
+    /// # Panics
+    ///
+    /// If `triangle` is out of range.
+    #[inline]
+    pub fn is_zero_area(&self, triangle: u32) -> bool {
+        is_zero_area(self.corners(triangle))
     }
 
     /// The three corners of a triangle, in scene units.
@@ -243,13 +253,6 @@ fn check_finite(positions: &[[f32; 3]]) -> Result<(), MeshError> {
         Some(vertex) => Err(MeshError::NotFinite { vertex }),
         None => Ok(()),
     }
-}
-
-/// The cross product is computed in f64, precisely enough that it is zero only for a zero area, or for an area so small
-/// that no ray can hit it.
-fn has_zero_area([a, b, c]: [Vec3; 3]) -> bool {
-    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
-    (b - a).cross(c - a) == glam::DVec3::ZERO
 }
 
 #[cfg(test)]

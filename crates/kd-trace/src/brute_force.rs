@@ -31,6 +31,6 @@ fn every_hit(mesh: &Mesh, ray: &Ray) -> impl Iterator<Item = Hit> {
     test.into_iter().flat_map(move |test| {
         (0..)
             .zip(mesh.triangles())
-            .filter_map(move |(triangle, _)| test.decide(mesh.corners(triangle), triangle))
+            .filter_map(move |(triangle, _)| test.hit(mesh.corners(triangle), triangle))
     })
 }

@@ -19,7 +19,7 @@
 use std::ops::ControlFlow;
 
 use glam::Vec3;
-use kd_core::{Axis, Hit, Mesh, Ray};
+use kd_core::{Axis, Hit, Mesh, Ray, is_zero_area};
 use kd_simd::{LANES, Three, Triple as _, each, max, min};
 use kd_wide::{Block, LaneCorners};
 
@@ -217,6 +217,13 @@ impl TriangleTest {
             .hit(from_origin, [self.t_min, self.t_max], triangle)
     }
 
+    /// [`decide`](Self::decide) for any triangle. Rounding may call a triangle of zero area hit, which never is.
+    #[inline]
+    pub(crate) fn hit(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
+        let hit = self.decide(corners, triangle);
+        hit.filter(|_| !is_zero_area(corners))
+    }
+
     /// Tests a triangle of a mesh, and passes a hit to the collector. Breaks if the collector does.
     ///
     /// # Panics
@@ -233,7 +240,7 @@ impl TriangleTest {
         if self.certainly_misses(corners) {
             return ControlFlow::Continue(());
         }
-        self.decide(corners, triangle)
+        self.hit(corners, triangle)
             .map_or(ControlFlow::Continue(()), |hit| collector.take(hit))
     }
 

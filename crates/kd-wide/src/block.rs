@@ -7,17 +7,22 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use kd_core::{Aabb, Mesh};
+use kd_core::{Aabb, Mesh, is_zero_area};
 use kd_simd::LANES;
 
 /// Coordinates of eight triangles: by corner, then by axis, then by lane, so that the axes of a ray are offsets.
 pub type LaneCorners = [[[f32; LANES]; 3]; 3];
 
+/// The coordinates of a lane without a triangle, and of a triangle of zero area: NaN, which no ray hits and no box contains.
+const NO_TRIANGLE: f32 = f32::from_bits(0x7fc0_0000);
+const NO_AREA: f32 = f32::from_bits(0x7fc0_0001);
+const _: () = assert!(NO_TRIANGLE.is_nan() && NO_AREA.is_nan());
+
 /// Up to eight triangles of a leaf, in lanes. Five cache lines.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Block {
-    /// Corners, in scene units; NaN in lanes without a triangle, and only there.
+    /// Corners, in scene units; NaN in lanes without a triangle, and in those of triangles of zero area.
     pub corners: LaneCorners,
     /// Slots, of any value; meaningless in lanes without a triangle.
     pub triangles: [u32; LANES],
@@ -28,7 +33,7 @@ const _: () = assert!(size_of::<Block>() == 320, "five cache lines");
 impl Block {
     /// No triangles. No ray hits corners that are NaN.
     pub const EMPTY: Self = Self {
-        corners: [[[f32::NAN; LANES]; 3]; 3],
+        corners: [[[NO_TRIANGLE; LANES]; 3]; 3],
         triangles: [u32::MAX; LANES],
     };
 
@@ -50,7 +55,8 @@ impl Block {
     pub fn count(&self) -> u32 {
         // Not by slots: a slot may have any value.
         let some_coordinate = &self.corners[0][0];
-        some_coordinate.iter().map(|x| u32::from(!x.is_nan())).sum()
+        let is_used = |x: &f32| u32::from(x.to_bits() != NO_TRIANGLE.to_bits());
+        some_coordinate.iter().map(is_used).sum()
     }
 
     /// The slots of its triangles, to renumber.
@@ -59,7 +65,8 @@ impl Block {
         &mut self.triangles[..count]
     }
 
-    /// Puts a triangle in a lane. No coordinate is NaN: those of a [`Mesh`] are finite.
+    /// Puts a triangle in a lane. No coordinate is NaN: those of a [`Mesh`] are finite. A triangle of zero area keeps the lane, and
+    /// has no corners there, so that it is not hit and not in a box.
     ///
     /// # Panics
     ///
@@ -71,6 +78,11 @@ impl Block {
 
     #[inline(always)]
     fn set_corners(&mut self, lane: usize, corners: [Vec3; 3]) {
+        let corners = if is_zero_area(corners) {
+            [Vec3::splat(NO_AREA); 3]
+        } else {
+            corners
+        };
         for (rows, corner) in self.corners.iter_mut().zip(corners) {
             for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
                 row[lane] = coordinate;

@@ -1,9 +1,11 @@
 //! The binary tree of boxes that collapses into wide nodes.
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec3A, Vec4};
 use kd_core::{Aabb, Axis, Mesh};
 
 use crate::collapse::{self, Choice, Costs};
+use crate::large_pages;
 
 /// A binary tree of tight boxes over triangles, or over finished subtrees. Children follow their parents; the root is first.
 #[derive(Debug)]
@@ -46,7 +48,8 @@ pub(crate) enum Kind {
 /// A triangle, the part of one in a cell, or a subtree, in its box. What an [`ObjectSplit`](crate::ObjectSplit) divides.
 ///
 /// 32 bytes: a division moves items, and its time is that of reading and writing memory.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub struct Item {
     /// The lowest corner, and nothing.
     low: Vec4,
@@ -120,6 +123,12 @@ impl Item {
         self.high.w.to_bits() ^ Self::ORDINARY
     }
 
+    /// Whether the box is empty.
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.low.x > self.high.x
+    }
+
     /// Changes the number and returns the one before.
     pub(crate) fn replace_number(&mut self, number: u32) -> u32 {
         let before = self.number();
@@ -157,11 +166,14 @@ impl BoxTree {
 
     /// An empty tree with memory for the boxes of this many items, as divisions usually make them.
     pub(crate) fn with_room_for(items: usize, of: Leaves) -> Self {
-        Self {
+        let tree = Self {
             of,
             nodes: Vec::with_capacity(items / 2),
             items: Vec::with_capacity(items),
-        }
+        };
+        large_pages::advise(&tree.nodes);
+        large_pages::advise(&tree.items);
+        tree
     }
 
     pub(crate) fn root(&self) -> Option<u32> {

@@ -6,6 +6,8 @@
 //! - *from bins* ([`OfBins`]), where an object split leaves two boxes that overlap much;
 //! - *of a kd-tree* ([`OfTree`]), always, down to its leaves.
 //!
+//! Triangles of zero area, which are never hit, are not divided ([`Items`]).
+//!
 //! A triangle that a plane cuts goes to both sides, with a tight box for each, or to one side as a whole where that costs less
 //! ([`Sides`]). An object split replaces a plane that costs much more. That happens where a few huge triangles are among many
 //! small ones: each plane that cuts off empty space also cuts the huge triangles.
@@ -56,6 +58,15 @@ fn is_plane_cheap(plane: f64, objects: f64) -> bool {
     objects >= CHEAPER * plane
 }
 
+/// The triangles of a mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Items {
+    pub(crate) with_area: Vec<Item>,
+    /// Those of zero area, in empty boxes: rays never enter these. They are aside, in one subtree, until a refit finds that one has
+    /// regained an area.
+    pub(crate) without: Vec<Item>,
+}
+
 /// Boxes, and their SAH cost relative to the half area of the root's box.
 pub(crate) type Costed = (BoxTree, f32);
 
@@ -64,7 +75,7 @@ pub(crate) type Costed = (BoxTree, f32);
 pub(crate) fn boxes_of_tree(
     tree: &Tree,
     mesh: &Mesh,
-    items: Vec<Item>,
+    items: Items,
     planes_above: Option<usize>,
     work: Work<'_>,
 ) -> Costed {
@@ -83,13 +94,13 @@ pub(crate) fn boxes_of_tree(
 /// leaves, or as many as there are.
 pub(crate) fn boxes_of_bins(
     mesh: &Mesh,
-    items: Vec<Item>,
+    items: Items,
     bounds: &Aabb,
     most_items: u64,
     work: Work<'_>,
 ) -> Costed {
     let per_area = per_area(bounds);
-    let root = Allowance::of_root(items.len(), most_items);
+    let root = Allowance::of_root(items.with_area.len(), most_items);
     let divider = Divider {
         planes: OfBins { per_area },
         mesh,
@@ -102,12 +113,7 @@ pub(crate) fn boxes_of_bins(
 }
 
 /// The boxes of triangles, all within `bounds`, divided by object splits alone.
-pub(crate) fn boxes_of_objects(
-    mesh: &Mesh,
-    items: Vec<Item>,
-    bounds: &Aabb,
-    work: Work<'_>,
-) -> Costed {
+pub(crate) fn boxes_of_objects(mesh: &Mesh, items: Items, bounds: &Aabb, work: Work<'_>) -> Costed {
     let divider = Divider {
         planes: NoPlanes,
         mesh,
@@ -151,21 +157,31 @@ struct Memory {
 }
 
 impl<P: Planes> Divider<'_, P> {
-    fn boxes(&self, items: Vec<Item>, root: P::Cell) -> Costed {
-        let mut boxes = BoxTree::with_room_for(items.len(), Leaves::Triangles);
-        if items.is_empty() {
+    fn boxes(&self, items: Items, root: P::Cell) -> Costed {
+        let Items { with_area, without } = items;
+        let mut boxes = BoxTree::with_room_for(with_area.len(), Leaves::Triangles);
+        if with_area.is_empty() && without.is_empty() {
             return (boxes, 0.0);
         }
+        if with_area.is_empty() {
+            let root = boxes.add_leaf(&without, self.per_area);
+            return (boxes, root.cost());
+        }
+        let place = (!without.is_empty()).then(|| boxes.reserve());
         let root = Cell {
             planes: root,
             divisions: 0,
             share: self.work.share,
         };
         let mut memory = Memory {
-            items,
+            items: with_area,
             sides: Sides::default(),
         };
-        let root = self.divide(root, &mut memory, 0, &mut boxes);
+        let mut root = self.divide(root, &mut memory, 0, &mut boxes);
+        if let Some(place) = place {
+            let aside = boxes.add_leaf(&without, self.per_area);
+            root = boxes.set_split(place, Axis::X, [root, aside], self.per_area);
+        }
         (boxes, root.cost())
     }
 

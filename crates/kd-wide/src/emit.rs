@@ -7,6 +7,8 @@
 
 mod prospect;
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
 use kd_tasks::{Share, Tracker};
@@ -21,6 +23,9 @@ use prospect::Prospect;
 
 /// As many as a node has children, without an allocation.
 type Few<T> = SmallVec<[T; WIDTH]>;
+
+/// Items of a subtree that are worth a task for counting.
+const COUNT_TASK: usize = 1 << 12;
 
 /// Triangles that fit one leaf.
 const MOST_TRIANGLES: usize = Child::MOST_BLOCKS as usize * LANES;
@@ -37,6 +42,32 @@ impl Counts {
         self.nodes += other.nodes;
         self.blocks += other.blocks;
     }
+}
+
+/// Counts that one thread writes before another one reads them.
+#[derive(Debug, Default)]
+struct SharedCounts {
+    nodes: AtomicU32,
+    blocks: AtomicU32,
+}
+
+impl SharedCounts {
+    fn set(&self, counts: Counts) {
+        self.nodes.store(to_u32(counts.nodes), Ordering::Relaxed);
+        self.blocks.store(to_u32(counts.blocks), Ordering::Relaxed);
+    }
+
+    fn get(&self) -> Counts {
+        Counts {
+            nodes: self.nodes.load(Ordering::Relaxed) as usize,
+            blocks: self.blocks.load(Ordering::Relaxed) as usize,
+        }
+    }
+}
+
+/// Nodes and blocks have indices of fewer than 32 bits.
+fn to_u32(count: usize) -> u32 {
+    u32::try_from(count).expect("fewer than 2^32")
 }
 
 /// How leaves are written.
@@ -61,7 +92,7 @@ struct Emitter<'a, L> {
     boxes: &'a BoxTree,
     leaves: &'a L,
     /// For each box that is a child of a wide node: the nodes and blocks that it becomes.
-    counts: Vec<Counts>,
+    counts: Vec<SharedCounts>,
     work: Work<'a>,
 }
 
@@ -141,10 +172,10 @@ fn emit_leaves<L: WriteLeaves>(
     let Some(root) = boxes.root() else {
         return (Vec::new(), Vec::new(), Child::NOTHING);
     };
-    let mut emitter = Emitter {
+    let emitter = Emitter {
         boxes,
         leaves,
-        counts: vec![Counts::default(); boxes.len()],
+        counts: (0..boxes.len()).map(|_| SharedCounts::default()).collect(),
         work,
     };
     let counts = emitter.count(root);
@@ -164,7 +195,7 @@ fn emit_leaves<L: WriteLeaves>(
 
 impl<L: WriteLeaves> Emitter<'_, L> {
     /// Counts the nodes and blocks of a subtree as a child, and stores the counts of it and of all below it.
-    fn count(&mut self, index: u32) -> Counts {
+    fn count(&self, index: u32) -> Counts {
         let counts = if self.boxes.node(index).choice.is_leaf() {
             self.leaves.counts(self.boxes.items(index))
         } else {
@@ -173,12 +204,17 @@ impl<L: WriteLeaves> Emitter<'_, L> {
                 blocks: 0,
             };
             let (_, parts) = self.children(index);
-            for part in parts {
-                counts.add(self.count(part));
+            if self.work.is_parallel && self.boxes.items(index).len() > COUNT_TASK {
+                let counted = kd_tasks::map(parts.to_vec(), true, |part| self.count(part));
+                counted.into_iter().for_each(|more| counts.add(more));
+            } else {
+                parts
+                    .into_iter()
+                    .for_each(|part| counts.add(self.count(part)));
             }
             counts
         };
-        self.counts[index as usize] = counts;
+        self.counts[index as usize].set(counts);
         counts
     }
 
@@ -262,11 +298,11 @@ impl<L: WriteLeaves> Emitter<'_, L> {
         mut share: Option<Share>,
     ) -> Few<(Child, Prospect)> {
         /// Blocks: some hundreds of microseconds of work.
-        const TASK: usize = 1 << 10;
+        const TASK: usize = 1 << 9;
         let mut blocks = space.blocks.len();
         let is_parallel = self.work.is_parallel && blocks > TASK;
         let shared = parts.iter().map(|part| {
-            let counts = self.counts[*part as usize];
+            let counts = self.counts[*part as usize].get();
             blocks -= counts.blocks;
             let [of_part, rest] = match share {
                 Some(share) => share.divide([counts.blocks, blocks]).map(Some),

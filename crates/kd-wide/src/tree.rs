@@ -8,9 +8,10 @@ use crate::arrays::Arrays;
 use crate::binary::{self, BinaryTree};
 use crate::block::Block;
 use crate::box_tree::{BoxTree, Item};
-use crate::divide::{boxes_of_bins, boxes_of_objects, boxes_of_tree};
+use crate::divide::{Items, boxes_of_bins, boxes_of_objects, boxes_of_tree};
 use crate::emit;
 use crate::frame::Frame;
+use crate::large_pages;
 use crate::node::{Child, WideNode};
 use crate::stats;
 use crate::work::Work;
@@ -281,18 +282,50 @@ impl PartialEq for WideTree {
 }
 
 /// The triangles of a mesh, each with its box.
-fn items_of_mesh(mesh: &Mesh, is_parallel: bool) -> Vec<Item> {
-    let count = u32::try_from(mesh.len()).expect("30 bits count triangles");
-    kd_tasks::collect(count, is_parallel, |triangle| Item::whole(triangle, mesh))
+fn items_of_mesh(mesh: &Mesh, is_parallel: bool) -> Items {
+    const CHUNK: usize = 1 << 12;
+    // Zeroed pages of the system, untouched: threads share the work of touching them.
+    let mut items: Vec<Item> = bytemuck::zeroed_vec(mesh.len());
+    large_pages::advise(&items);
+    let chunks = (0..).step_by(CHUNK).zip(items.chunks_mut(CHUNK));
+    let all_have_area = kd_tasks::map(chunks.collect(), is_parallel, |(first, chunk)| {
+        let mut all_have_area = true;
+        for (triangle, item) in (first..).zip(chunk) {
+            *item = item_of(triangle, mesh);
+            all_have_area &= !item.is_empty();
+        }
+        all_have_area
+    });
+    if all_have_area.into_iter().all(|all| all) {
+        return Items {
+            with_area: items,
+            without: Vec::new(),
+        };
+    }
+    divided_by_area(items)
 }
 
 /// The triangles of a kd-tree, each with its box.
-fn items_of_tree(tree: &Tree, mesh: &Mesh) -> Vec<Item> {
+fn items_of_tree(tree: &Tree, mesh: &Mesh) -> Items {
     let triangles = (0..).zip(triangles_of(tree, mesh.len()));
     let present = triangles.filter(|(_, is_in_tree)| *is_in_tree);
-    present
-        .map(|(triangle, _)| Item::whole(triangle, mesh))
-        .collect()
+    let items = present.map(|(triangle, _)| item_of(triangle, mesh));
+    divided_by_area(items.collect())
+}
+
+/// A triangle, in an empty box if it has no area.
+#[inline(always)]
+fn item_of(triangle: u32, mesh: &Mesh) -> Item {
+    if mesh.is_zero_area(triangle) {
+        Item::within(Aabb::EMPTY, triangle)
+    } else {
+        Item::whole(triangle, mesh)
+    }
+}
+
+fn divided_by_area(items: Vec<Item>) -> Items {
+    let (without, with_area) = items.into_iter().partition(Item::is_empty);
+    Items { with_area, without }
 }
 
 /// Which triangles of a mesh are in a leaf that the root of a kd-tree reaches. (An arena may hold other trees too.)

@@ -87,7 +87,7 @@ impl Walkable for Indexed<'_> {
                 continue;
             }
             probe.decision();
-            if let Some(hit) = test.decide(corners, slot.0) {
+            if let Some(hit) = test.hit(corners, slot.0) {
                 collector.take(hit)?;
             }
         }

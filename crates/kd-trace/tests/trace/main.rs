@@ -17,5 +17,6 @@ mod tiles;
 mod trials;
 mod watertight;
 mod wide;
+mod zero_area;
 
 use kd_oracle::{rng, scenes};

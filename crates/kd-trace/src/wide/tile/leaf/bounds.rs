@@ -5,7 +5,7 @@
 use std::array::from_fn;
 
 use glam::Vec3;
-use kd_core::{Aabb, Ray};
+use kd_core::{Aabb, Ray, is_zero_area};
 use kd_oracle::effort;
 use kd_oracle::rng::Rng;
 use kd_simd::{Level, Task, Three, Triple, each};
@@ -66,6 +66,10 @@ impl Case {
         let mut all = Vec::new();
         for (group, ray) in self.rays.iter().enumerate() {
             for (lane, corners) in self.triangles.iter().enumerate() {
+                // A block has no corners of such a triangle.
+                if is_zero_area(*corners) {
+                    continue;
+                }
                 let exact = Exact::new(&tile.view, ray, *corners);
                 let mut errors = Errors {
                     group: group_error::<S, TERMS>(simd, tile, group, lane, &exact),
