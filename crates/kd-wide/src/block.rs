@@ -16,7 +16,7 @@ pub type LaneCorners = [[[f32; LANES]; 3]; 3];
 /// The coordinates of a lane without a triangle, and of a triangle of zero area: NaN, which no ray hits and no box contains.
 const NO_TRIANGLE: f32 = f32::from_bits(0x7fc0_0000);
 const NO_AREA: f32 = f32::from_bits(0x7fc0_0001);
-const _: () = assert!(NO_TRIANGLE.is_nan() && NO_AREA.is_nan());
+const _: () = assert!(NO_TRIANGLE.is_nan() && NO_AREA.is_nan(), "no ray hits them");
 
 /// Up to eight triangles of a leaf, in lanes. Five cache lines.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -50,6 +50,16 @@ impl Block {
         block
     }
 
+    /// [`of`](Self::of) for triangles that are known to have an area.
+    pub(crate) fn with_area(triangles: &[u32], mesh: &Mesh) -> Self {
+        let mut block = Self::EMPTY;
+        for (lane, triangle) in triangles.iter().enumerate() {
+            block.write_corners(lane, mesh.corners(*triangle));
+            block.triangles[lane] = *triangle;
+        }
+        block
+    }
+
     /// The number of triangles. They fill the lanes in order.
     #[inline(always)]
     pub fn count(&self) -> u32 {
@@ -78,11 +88,15 @@ impl Block {
 
     #[inline(always)]
     fn set_corners(&mut self, lane: usize, corners: [Vec3; 3]) {
-        let corners = if is_zero_area(corners) {
-            [Vec3::splat(NO_AREA); 3]
+        if is_zero_area(corners) {
+            self.write_corners(lane, [Vec3::splat(NO_AREA); 3]);
         } else {
-            corners
-        };
+            self.write_corners(lane, corners);
+        }
+    }
+
+    #[inline(always)]
+    fn write_corners(&mut self, lane: usize, corners: [Vec3; 3]) {
         for (rows, corner) in self.corners.iter_mut().zip(corners) {
             for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
                 row[lane] = coordinate;

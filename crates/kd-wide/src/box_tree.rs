@@ -180,8 +180,14 @@ impl BoxTree {
         (!self.nodes.is_empty()).then_some(0)
     }
 
-    pub(crate) fn len(&self) -> usize {
-        self.nodes.len()
+    /// The number of nodes, which have the numbers below it.
+    pub(crate) fn count(&self) -> u32 {
+        to_u32(self.nodes.len())
+    }
+
+    /// The items of all leaves.
+    pub(crate) fn all_items(&self) -> &[u32] {
+        &self.items
     }
 
     pub(crate) fn node(&self, index: u32) -> &BoxNode {
@@ -196,19 +202,30 @@ impl BoxTree {
 
     /// Adds a leaf. `per_area` is one over the half area of the root's box.
     pub(crate) fn add_leaf(&mut self, items: &[Item], per_area: f64) -> Added {
-        let bounds = Item::around(items);
+        let numbers = items.iter().map(Item::number);
+        self.add_leaf_of(Item::around(items), numbers, per_area)
+    }
+
+    /// Adds a leaf of these items, whose boxes are within `bounds`.
+    pub(crate) fn add_leaf_of(
+        &mut self,
+        bounds: Aabb,
+        items: impl ExactSizeIterator<Item = u32>,
+        per_area: f64,
+    ) -> Added {
+        let count = items.len();
         let (choice, costs) = match self.of {
-            Leaves::Triangles => collapse::leaf(relative_area(&bounds, per_area), items.len()),
+            Leaves::Triangles => collapse::leaf(relative_area(&bounds, per_area), count),
             Leaves::Links => collapse::link(),
         };
         let first = to_u32(self.items.len());
-        self.items.extend(items.iter().map(Item::number));
+        self.items.extend(items);
         self.nodes.push(BoxNode {
             bounds,
             choice,
             kind: Kind::Leaf,
             first,
-            count: to_u32(items.len()),
+            count: to_u32(count),
         });
         Added {
             index: to_u32(self.nodes.len() - 1),

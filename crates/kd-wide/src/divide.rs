@@ -6,8 +6,6 @@
 //! - *from bins* ([`OfBins`]), where an object split leaves two boxes that overlap much;
 //! - *of a kd-tree* ([`OfTree`]), always, down to its leaves.
 //!
-//! Triangles of zero area, which are never hit, are not divided ([`Items`]).
-//!
 //! A triangle that a plane cuts goes to both sides, with a tight box for each, or to one side as a whole where that costs less
 //! ([`Sides`]). An object split replaces a plane that costs much more. That happens where a few huge triangles are among many
 //! small ones: each plane that cuts off empty space also cuts the huge triangles.
@@ -43,7 +41,9 @@ const CHEAPER: f64 = 0.7;
 pub(crate) const MOST_DIVISIONS: usize = 32;
 /// The largest number of levels of a wide tree: those of planes, of object splits and of halves of a 32-bit number; and above
 /// them those of a join, which divides by object splits and halves. A ray's stack holds seven children a level.
-pub const MAX_LEVELS: usize = MAX_DEPTH + 2 * (MOST_DIVISIONS + 32);
+pub const MAX_LEVELS: usize = MAX_DIVIDED_LEVELS + MOST_DIVISIONS + 32;
+/// Those without a join.
+pub(crate) const MAX_DIVIDED_LEVELS: usize = MAX_DEPTH + MOST_DIVISIONS + 32;
 /// The fewest items on the smaller side of a split that are worth a task: some hundreds of microseconds.
 const TASK: usize = 1 << 11;
 
@@ -58,15 +58,6 @@ fn is_plane_cheap(plane: f64, objects: f64) -> bool {
     objects >= CHEAPER * plane
 }
 
-/// The triangles of a mesh.
-#[derive(Clone, Debug)]
-pub(crate) struct Items {
-    pub(crate) with_area: Vec<Item>,
-    /// Those of zero area, in empty boxes: rays never enter these. They are aside, in one subtree, until a refit finds that one has
-    /// regained an area.
-    pub(crate) without: Vec<Item>,
-}
-
 /// Boxes, and their SAH cost relative to the half area of the root's box.
 pub(crate) type Costed = (BoxTree, f32);
 
@@ -75,7 +66,7 @@ pub(crate) type Costed = (BoxTree, f32);
 pub(crate) fn boxes_of_tree(
     tree: &Tree,
     mesh: &Mesh,
-    items: Items,
+    items: Vec<Item>,
     planes_above: Option<usize>,
     work: Work<'_>,
 ) -> Costed {
@@ -94,13 +85,13 @@ pub(crate) fn boxes_of_tree(
 /// leaves, or as many as there are.
 pub(crate) fn boxes_of_bins(
     mesh: &Mesh,
-    items: Items,
+    items: Vec<Item>,
     bounds: &Aabb,
     most_items: u64,
     work: Work<'_>,
 ) -> Costed {
     let per_area = per_area(bounds);
-    let root = Allowance::of_root(items.with_area.len(), most_items);
+    let root = Allowance::of_root(items.len(), most_items);
     let divider = Divider {
         planes: OfBins { per_area },
         mesh,
@@ -113,7 +104,12 @@ pub(crate) fn boxes_of_bins(
 }
 
 /// The boxes of triangles, all within `bounds`, divided by object splits alone.
-pub(crate) fn boxes_of_objects(mesh: &Mesh, items: Items, bounds: &Aabb, work: Work<'_>) -> Costed {
+pub(crate) fn boxes_of_objects(
+    mesh: &Mesh,
+    items: Vec<Item>,
+    bounds: &Aabb,
+    work: Work<'_>,
+) -> Costed {
     let divider = Divider {
         planes: NoPlanes,
         mesh,
@@ -157,31 +153,21 @@ struct Memory {
 }
 
 impl<P: Planes> Divider<'_, P> {
-    fn boxes(&self, items: Items, root: P::Cell) -> Costed {
-        let Items { with_area, without } = items;
-        let mut boxes = BoxTree::with_room_for(with_area.len(), Leaves::Triangles);
-        if with_area.is_empty() && without.is_empty() {
+    fn boxes(&self, items: Vec<Item>, root: P::Cell) -> Costed {
+        let mut boxes = BoxTree::with_room_for(items.len(), Leaves::Triangles);
+        if items.is_empty() {
             return (boxes, 0.0);
         }
-        if with_area.is_empty() {
-            let root = boxes.add_leaf(&without, self.per_area);
-            return (boxes, root.cost());
-        }
-        let place = (!without.is_empty()).then(|| boxes.reserve());
         let root = Cell {
             planes: root,
             divisions: 0,
             share: self.work.share,
         };
         let mut memory = Memory {
-            items: with_area,
+            items,
             sides: Sides::default(),
         };
-        let mut root = self.divide(root, &mut memory, 0, &mut boxes);
-        if let Some(place) = place {
-            let aside = boxes.add_leaf(&without, self.per_area);
-            root = boxes.set_split(place, Axis::X, [root, aside], self.per_area);
-        }
+        let root = self.divide(root, &mut memory, 0, &mut boxes);
         (boxes, root.cost())
     }
 

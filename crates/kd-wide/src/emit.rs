@@ -82,7 +82,11 @@ trait WriteLeaves: Sync {
 }
 
 /// Blocks of the triangles of a mesh.
-struct Triangles<'a>(&'a Mesh);
+struct Triangles<'a> {
+    mesh: &'a Mesh,
+    /// Whether each of them has an area.
+    all_have_area: bool,
+}
 
 /// Finished subtrees.
 struct Links<'a>(&'a [Child]);
@@ -135,65 +139,138 @@ pub(crate) fn emit_links(
     links: &[Child],
     before: usize,
 ) -> (Vec<WideNode>, Child) {
-    let before = Counts {
-        nodes: before,
-        blocks: 0,
+    let Some(root) = boxes.root() else {
+        return (Vec::new(), Child::NOTHING);
     };
     let tracker = Tracker::new(None);
-    let work = Work::new(false, &tracker);
-    let (nodes, _, root) = emit_leaves(boxes, &Links(links), before, work);
-    (nodes, root)
+    let leaves = Links(links);
+    let emitter = Emitter::new(boxes, &leaves, Work::new(false, &tracker));
+    let counts = emitter.count(root);
+    let mut nodes = vec![WideNode::EMPTY; counts.nodes];
+    let space = Space {
+        nodes: &mut nodes,
+        blocks: &mut [],
+        before: Counts {
+            nodes: before,
+            blocks: 0,
+        },
+    };
+    let (child, _) = emitter.child(root, space, None);
+    (nodes, child)
 }
 
-/// All nodes and blocks, and the root.
+/// All nodes and blocks, and the root. `aside` are all triangles of zero area, if they are in no leaf of `boxes`: rays do not meet
+/// them, but a refit does.
 pub(crate) fn emit(
     boxes: &BoxTree,
+    aside: Option<&[u32]>,
     mesh: &Mesh,
     work: Work<'_>,
 ) -> (Vec<WideNode>, Vec<Block>, Child) {
-    let triangles = Triangles(mesh);
-    let (mut nodes, blocks, mut child) = emit_leaves(boxes, &triangles, Counts::default(), work);
-    if let (Some(root), true) = (boxes.root(), child.is_leaf()) {
-        // A tree of one leaf needs a node for its box: rays that miss the box do not test its triangles.
-        let mut node = WideNode::EMPTY;
-        node.set(0, &boxes.node(root).bounds, child);
-        nodes.push(node);
-        child = Child::node(nodes.len() - 1);
-    }
-    (nodes, blocks, child)
-}
-
-fn emit_leaves<L: WriteLeaves>(
-    boxes: &BoxTree,
-    leaves: &L,
-    before: Counts,
-    work: Work<'_>,
-) -> (Vec<WideNode>, Vec<Block>, Child) {
-    let Some(root) = boxes.root() else {
+    let all_have_area = aside.is_some();
+    let aside = aside.unwrap_or_default();
+    if boxes.root().is_none() && aside.is_empty() {
         return (Vec::new(), Vec::new(), Child::NOTHING);
+    }
+    let leaves = Triangles {
+        mesh,
+        all_have_area,
     };
-    let emitter = Emitter {
-        boxes,
-        leaves,
-        counts: (0..boxes.len()).map(|_| SharedCounts::default()).collect(),
-        work,
-    };
-    let counts = emitter.count(root);
-    // Zeroed pages of the system, untouched: threads share the work of touching them.
-    let mut nodes = bytemuck::zeroed_vec(counts.nodes);
-    let mut blocks = bytemuck::zeroed_vec(counts.blocks);
+    let emitter = Emitter::new(boxes, &leaves, work);
+    let root = boxes.root();
+    let of_boxes = root.map_or(Counts::default(), |root| emitter.count(root));
+    let of_aside = counts_of_leaf(aside.len());
+    // A tree of one leaf needs a node for its box: rays that miss the box do not test its triangles.
+    let has_own_root = of_boxes.nodes == 0;
+    let own_nodes = of_boxes.nodes + usize::from(has_own_root);
+    // With a node for the link to those aside, in case no node has room for it. Zeroed pages of the system, untouched: threads share
+    // the work of touching them.
+    let mut nodes: Vec<WideNode> = bytemuck::zeroed_vec(own_nodes + 1 + of_aside.nodes);
+    let mut blocks: Vec<Block> = bytemuck::zeroed_vec(of_boxes.blocks + of_aside.blocks);
     large_pages::advise(&nodes);
     large_pages::advise(&blocks);
-    let space = Space {
+    let mut space = Space {
         nodes: &mut nodes,
         blocks: &mut blocks,
-        before,
+        before: Counts::default(),
     };
-    let (child, _) = emitter.child(root, space, Some(work.share));
-    (nodes, blocks, child)
+    let above = space.take(Counts {
+        nodes: usize::from(has_own_root),
+        blocks: 0,
+    });
+    let written = root.map(|root| {
+        let space = space.take(of_boxes);
+        let (child, _) = emitter.child(root, space, Some(work.share));
+        (boxes.node(root).bounds, child)
+    });
+    if let [node] = above.nodes {
+        *node = WideNode::EMPTY;
+        if let Some((bounds, child)) = written {
+            node.set(0, &bounds, child);
+        }
+    }
+    let root = match written {
+        Some((_, child)) if !has_own_root => child,
+        _ => Child::node(0),
+    };
+    if aside.is_empty() {
+        nodes.truncate(own_nodes);
+    } else {
+        let first = link_aside(&mut nodes, own_nodes, of_aside, of_boxes.blocks);
+        let before = Counts {
+            nodes: first,
+            blocks: of_boxes.blocks,
+        };
+        let space = Space {
+            nodes: &mut nodes[first..],
+            blocks: &mut blocks[of_boxes.blocks..],
+            before,
+        };
+        let block_of = |items: &[u32]| Block::of(items.iter().copied(), mesh);
+        leaf(aside, Aabb::EMPTY, &block_of, space);
+        nodes.truncate(first + of_aside.nodes);
+    }
+    (nodes, blocks, root)
 }
 
-impl<L: WriteLeaves> Emitter<'_, L> {
+/// Links what will be written aside, in an empty box: `count` nodes and blocks behind `own` nodes and `blocks`. Returns the place of
+/// the first of these nodes.
+///
+/// The link is deep in the tree, so that no node above has a child less. The last node has leaves alone below it, and comes before all
+/// that is aside, as parents do.
+fn link_aside(nodes: &mut [WideNode], own: usize, count: Counts, blocks: usize) -> usize {
+    let link = |first: usize| match count.nodes {
+        0 => Child::leaf(blocks, count.blocks),
+        _ => Child::node(first),
+    };
+    let last = &mut nodes[own - 1];
+    let free = (0..WIDTH).find(|lane| last.children[*lane] == Child::NOTHING);
+    if let Some(lane) = free {
+        last.set(lane, &Aabb::EMPTY, link(own));
+        return own;
+    }
+    // Another node takes the place of a leaf, and has that leaf and the link.
+    let (bounds, moved) = (last.bounds(0), last.children[0]);
+    last.set(0, &bounds, Child::node(own));
+    let mut node = WideNode::EMPTY;
+    node.set(0, &bounds, moved);
+    node.set(1, &Aabb::EMPTY, link(own + 1));
+    nodes[own] = node;
+    own + 1
+}
+
+impl<'a, L: WriteLeaves> Emitter<'a, L> {
+    fn new(boxes: &'a BoxTree, leaves: &'a L, work: Work<'a>) -> Self {
+        Self {
+            boxes,
+            leaves,
+            counts: (0..boxes.count())
+                .map(|_| SharedCounts::default())
+                .collect(),
+            work,
+        }
+    }
+
     /// Counts the nodes and blocks of a subtree as a child, and stores the counts of it and of all below it.
     fn count(&self, index: u32) -> Counts {
         let counts = if self.boxes.node(index).choice.is_leaf() {
@@ -326,11 +403,24 @@ impl WriteLeaves for Triangles<'_> {
     }
 
     fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child {
-        leaf(items, bounds, self.0, space)
+        if self.all_have_area {
+            return leaf(
+                items,
+                bounds,
+                &|items: &[u32]| Block::with_area(items, self.mesh),
+                space,
+            );
+        }
+        leaf(
+            items,
+            bounds,
+            &|items: &[u32]| Block::of(items.iter().copied(), self.mesh),
+            space,
+        )
     }
 
     fn prospect(&self, items: &[u32]) -> Prospect {
-        Prospect::of_triangles(self.0, items)
+        Prospect::of_triangles(self.mesh, items)
     }
 }
 
@@ -375,10 +465,15 @@ fn ranges(triangles: usize) -> impl Iterator<Item = (usize, usize)> {
         .map(move |start| (start, (start + part).min(triangles)))
 }
 
-fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> Child {
+fn leaf(
+    triangles: &[u32],
+    bounds: Aabb,
+    block_of: &impl Fn(&[u32]) -> Block,
+    mut space: Space<'_>,
+) -> Child {
     if triangles.len() <= MOST_TRIANGLES {
         for (block, triangles) in space.blocks.iter_mut().zip(triangles.chunks(LANES)) {
-            *block = Block::of(triangles.iter().copied(), mesh);
+            *block = block_of(triangles);
         }
         return Child::leaf(space.before.blocks, triangles.len().div_ceil(LANES));
     }
@@ -393,7 +488,7 @@ fn leaf(triangles: &[u32], bounds: Aabb, mesh: &Mesh, mut space: Space<'_>) -> C
         node.set(
             lane,
             &bounds,
-            leaf(&triangles[start..end], bounds, mesh, space),
+            leaf(&triangles[start..end], bounds, block_of, space),
         );
     }
     own.nodes[0] = node;

@@ -20,7 +20,7 @@ fn mesh() -> Arc<Mesh> {
     Arc::new(Spd::Gears.generate(3).expect("a small size").mesh)
 }
 
-/// Objects cost less here.
+/// Walls around clutter, where other trees cost less than a division.
 fn hall() -> Arc<Mesh> {
     Arc::new(Room::Hall.generate(20).expect("a small size").mesh)
 }
@@ -77,16 +77,19 @@ fn presets_make_wide_nodes_without_a_kd_tree() {
         wide(Division::Planes { most_references }),
         "balanced"
     );
-    assert_eq!(best, balanced, "planes cost less here");
+    assert_eq!(best, balanced, "planes cost least here");
 
     let hall = hall();
     let [fast, balanced, best] = presets().map(|options| {
         let tree = KdTree::build(Arc::clone(&hall), &options).expect("valid options");
-        assert_eq!(tree.stats().of, StatsOf::WideNodes, "{options:?}");
-        bytes(&tree)
+        let stats = tree.stats();
+        assert_eq!(stats.of, StatsOf::WideNodes, "{options:?}");
+        stats.sah_cost_own
     });
-    assert_ne!(fast, balanced, "planes");
-    assert_eq!(best, fast, "objects cost less here");
+    assert!(
+        best < 0.97 * fast.min(balanced),
+        "optimized: {best} below {fast} and {balanced}"
+    );
 }
 
 /// Which of both is described depends on the options alone, not on what was built on demand.

@@ -10,9 +10,8 @@
 
 mod clusters;
 mod emit;
-mod morton;
 
-use kd_trace::kit::Item;
+use kd_trace::kit::{Item, in_morton_order};
 
 use super::node::BvhNode;
 use super::options::BvhOptions;
@@ -27,7 +26,7 @@ pub(super) fn build(
     options: &BvhOptions,
     is_parallel: bool,
 ) -> (Vec<BvhNode>, Vec<u32>) {
-    let items = morton::in_order(items, is_parallel);
+    let items = in_morton_order(items, is_parallel);
     let clusters = Clusters::new(&items, radius, options, is_parallel);
     Emitter::new(&items, &clusters, options).emit()
 }

@@ -121,11 +121,17 @@ impl OfBins {
 }
 
 impl Allowance {
-    /// The allowance of a root with this many items.
+    /// Planes may cut one for this many items of the root. (In rooms they cut an eighth or less. The limit is for meshes where planes
+    /// would cut each item often, for nothing: overlapping triangles in one plane, needles.)
+    const ITEMS_OF_A_CUT: usize = 2;
+
+    /// The allowance of a root with this many items, of which `most_items` may be in leaves.
     pub(super) fn of_root(items: usize, most_items: u64) -> Self {
         Self {
             levels: MAX_DEPTH,
-            items: most_items.max(items as u64),
+            items: most_items
+                .min((items + items / Self::ITEMS_OF_A_CUT) as u64)
+                .max(items as u64),
         }
     }
 
@@ -198,13 +204,15 @@ mod tests {
 
     #[test]
     fn an_allowance_is_divided_without_a_rest() {
-        let whole = Allowance::of_root(10, 17);
+        let whole = Allowance::of_root(10, 13);
         for counts in [[5, 5], [1, 9], [10, 2], [0, 10]] {
             let [lower, upper] = whole.divide(3, counts);
-            assert_eq!(lower.items + upper.items, 17, "{counts:?}");
+            assert_eq!(lower.items + upper.items, 13, "{counts:?}");
             assert!(lower.items >= counts[0] as u64, "{counts:?}: {lower:?}");
             assert!(upper.items >= counts[1] as u64, "{counts:?}: {upper:?}");
         }
+        let most = Allowance::of_root(10, 99).items;
+        assert_eq!(most, 15, "half of the items may be cut");
         let [lower, upper] = Allowance::of_root(10, 3).divide(3, [6, 5]);
         assert_eq!((lower.items, upper.items), (6, 5), "at least what is there");
     }

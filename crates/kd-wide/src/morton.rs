@@ -1,37 +1,38 @@
 //! Items along a space-filling curve.
 
 use glam::Vec3A;
-use kd_trace::kit::Item;
 
-use crate::bvh::bounds::{Around, Bounds};
+use crate::box_tree::Item;
 
 /// Steps of the curve along each axis: three axes of 21 bits fit in 64.
 const STEPS: f32 = (1 << 21) as f32;
 
 /// The items in the order of their centers along the curve of G. M. Morton (1966); centers in one place, in the order of their
-/// triangles.
-pub(super) fn in_order(items: &[Item], is_parallel: bool) -> Vec<Item> {
-    let around = Around::of(items);
-    let start = around.centers.min;
+/// numbers. O(N log N). Parallel: on the threads of the pool in scope.
+pub fn in_morton_order(items: &[Item], is_parallel: bool) -> Vec<Item> {
+    let center = |item: &Item| 0.5 * item.min() + 0.5 * item.max();
+    let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    let (start, end) = items.iter().fold(nothing, |(start, end), item| {
+        (start.min(center(item)), end.max(center(item)))
+    });
     // One length for all axes makes the cells of the curve cubes. The halves keep it finite.
-    let half_side = (0.5 * around.centers.max - 0.5 * start).max_element();
+    let half_side = (0.5 * end - 0.5 * start).max_element();
     let per_unit = if half_side > 0.0 {
         0.5 / half_side
     } else {
         0.0
     };
     let code = |item: &Item| {
-        let place = (Bounds::of(item).center() - start).min(Vec3A::splat(f32::MAX)) * per_unit;
+        let place = (center(item) - start).min(Vec3A::splat(f32::MAX)) * per_unit;
         code(place)
     };
-    let count = u32::try_from(items.len()).expect("30 bits count triangles");
-    let mut order = kd_tasks::collect(count, is_parallel, |place| {
-        let item = &items[place as usize];
-        (code(item), item.number(), place)
-    });
+    let numbered = items.iter().enumerate();
+    let mut order: Vec<(u64, u32, usize)> = numbered
+        .map(|(place, item)| (code(item), item.number(), place))
+        .collect();
     kd_tasks::sort(&mut order, is_parallel);
     let sorted = order.into_iter();
-    sorted.map(|(_, _, place)| items[place as usize]).collect()
+    sorted.map(|(_, _, place)| items[place]).collect()
 }
 
 /// The interleaved bits of three numbers from 0 to 1.
