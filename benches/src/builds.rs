@@ -1,6 +1,6 @@
-//! What builds cost and what their trees are worth, over Embree's builds and over our preset `best`, with goals.
+//! What builds of kd-trees cost and what the trees are worth, over Embree's builds and over our preset `best`, with goals.
 
-mod growth;
+pub(crate) mod growth;
 
 use clap::Args;
 use kd::tree::Tree;
@@ -27,17 +27,13 @@ const SCENES: [&str; 6] = [
 
 use BuilderName::{Balanced, Best, Fast, MedianTop};
 
-const PRESETS: [BuilderName; 3] = [Fast, Balanced, Best];
+pub(crate) const PRESETS: [BuilderName; 3] = [Fast, Balanced, Best];
 
 /// What to build.
 #[derive(Args, Debug)]
 pub(crate) struct BuildsArgs {
     #[command(flatten)]
     table: SceneTableArgs,
-
-    /// Time our builds with their layout, ready to trace; without it, tree construction only
-    #[arg(long)]
-    whole: bool,
 
     /// Also build generated meshes from 10 000 triangles up to this number, and plot our times over Embree's
     #[arg(long, value_name = "TRIANGLES", num_args = 0..=1, require_equals = true, default_missing_value = "4200000")]
@@ -47,15 +43,10 @@ pub(crate) struct BuildsArgs {
 /// Measures, prints and writes; false if an answer is wrong or a tree depends on the number of threads.
 pub(crate) fn run(arguments: &BuildsArgs) -> anyhow::Result<bool> {
     peers::check_available()?;
-    let layout = if arguments.whole {
-        LayoutName::Wide
-    } else {
-        LayoutName::Tree
-    };
     let command = SceneTable {
         usual: Some(&SCENES),
         with_rooms: false,
-        view: View::named(&["builds"], ("LAYOUT", layout.name()))?,
+        view: View::named(&["builds"], ("", ""))?,
         file: "builds.jsonl",
         note: "and their geometric mean; ours and its baseline run in turns",
         rays: if arguments.table.smoke {
@@ -69,7 +60,7 @@ pub(crate) fn run(arguments: &BuildsArgs) -> anyhow::Result<bool> {
         let Some(most) = arguments.growth else {
             return Ok(String::new());
         };
-        let growth = growth::measure(most, arguments.table.samples, layout)?;
+        let growth = growth::measure(most, arguments.table.samples, LayoutName::Tree)?;
         println!("\n{growth}");
         let plot = folder.file("growth.svg");
         run_folder::write_all([Some(plot)], growth.to_svg()?)?;
@@ -78,7 +69,7 @@ pub(crate) fn run(arguments: &BuildsArgs) -> anyhow::Result<bool> {
 }
 
 /// Embree's build on one thread.
-const fn embree(builder: BuilderName) -> Variant {
+pub(crate) const fn embree(builder: BuilderName) -> Variant {
     Variant::own(StructureName::Embree, builder)
 }
 

@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 
 use crate::builds::BuildsArgs;
 use crate::calibrate::CalibrateArgs;
+use crate::first_ray::FirstRayArgs;
 use crate::instructions::InstructionsArgs;
 use crate::merges::MergesArgs;
 use crate::paper::PaperArgs;
@@ -26,10 +27,14 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Measure every chosen builder on every chosen scene with every chosen kind of ray
     Bench(Box<BenchArgs>),
-    /// Print what our presets cost to build and are worth, over Embree's builds and over each other, with goals
+    /// Print what the kd-trees of our presets cost to build and are worth, over Embree's builds and over each other, with goals
     ///
     /// With --scenes and no --scene: the six meshes of the goals.
     Builds(BuildsArgs),
+    /// Print the time until the first ray by our presets and the rays that follow, over Embree; on hostile meshes and many parts too
+    ///
+    /// With --scenes and no --scene: every mesh of the folder.
+    FirstRay(FirstRayArgs),
     /// Print the speed of rays through our default tree, over rivals, with goals
     ///
     /// With --scenes and no --scene: every mesh of the folder.

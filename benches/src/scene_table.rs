@@ -94,6 +94,17 @@ impl SceneTableArgs {
         measure: impl Fn(&mut Session<'_>, &Scene) -> anyhow::Result<()>,
         more: impl FnOnce(&RunFolder, &[Record]) -> anyhow::Result<String>,
     ) -> anyhow::Result<bool> {
+        self.run_with(command, measure, |_| Ok(Vec::new()), more)
+    }
+
+    /// [`run`](Self::run) with further cells, which belong to no scene of the command.
+    pub(crate) fn run_with(
+        &self,
+        command: &SceneTable<'_>,
+        measure: impl Fn(&mut Session<'_>, &Scene) -> anyhow::Result<()>,
+        others: impl FnOnce(&Environment) -> anyhow::Result<Vec<Record>>,
+        more: impl FnOnce(&RunFolder, &[Record]) -> anyhow::Result<String>,
+    ) -> anyhow::Result<bool> {
         let sources = self.sources(command.usual, command.with_rooms)?;
         let environment = Environment::detect();
         let folder = RunFolder::create(self.out.as_deref(), &environment.rev)?;
@@ -111,6 +122,8 @@ impl SceneTableArgs {
             // After each scene, so that an interrupted run keeps its cells.
             run_folder::write(&folder.records(), run_folder::json_lines(&cells)?)?;
         }
+        cells.extend(others(&environment)?);
+        run_folder::write(&folder.records(), run_folder::json_lines(&cells)?)?;
         let table = command.view.of(&cells);
         println!("{table}");
         let (samples, note) = (self.samples, command.note);

@@ -34,8 +34,14 @@ const COMMANDS: &[Command] = &[
     Command {
         name: "builds",
         arguments: "[OPTIONS]",
-        help: "measure build times of the presets and rays through their trees, over Embree and each other (`builds --help`)",
+        help: "measure build times of kd-trees by the presets, over Embree and each other (`builds --help`)",
         run: |arguments| bench::with_rivals("builds", arguments),
+    },
+    Command {
+        name: "first-ray",
+        arguments: "[OPTIONS]",
+        help: "measure the time until the first ray, hostile meshes and many parts, over Embree (`first-ray --help`)",
+        run: |arguments| bench::with_rivals("first-ray", arguments),
     },
     Command {
         name: "rays",

@@ -39,10 +39,10 @@ struct Line {
 
 /// One line for each kind of mesh and preset.
 #[derive(Debug)]
-pub(super) struct Growth(Vec<Line>);
+pub(crate) struct Growth(Vec<Line>);
 
 /// Times presets in `layout`, at most `samples` times each.
-pub(super) fn measure(most: u64, samples: usize, layout: LayoutName) -> anyhow::Result<Growth> {
+pub(crate) fn measure(most: u64, samples: usize, layout: LayoutName) -> anyhow::Result<Growth> {
     let environment = Environment::detect();
     let rival = embree(BuilderName::Medium);
     let mut lines: Vec<Line> = Vec::new();
@@ -113,7 +113,7 @@ impl Line {
 }
 
 impl Growth {
-    pub(super) fn to_svg(&self) -> anyhow::Result<String> {
+    pub(crate) fn to_svg(&self) -> anyhow::Result<String> {
         let lines = self.0.iter().map(|line| {
             let points = line.points.iter().map(|(n, ratio)| (*n as f64, *ratio));
             (line.name(), points.collect())
@@ -129,7 +129,7 @@ impl Growth {
     }
 
     /// One JSON object for each line.
-    pub(super) fn to_lines(&self) -> anyhow::Result<String> {
+    pub(crate) fn to_lines(&self) -> anyhow::Result<String> {
         json_lines(self.0.iter().map(|line| {
             json!({
                 "growth": line.kind.name(),

@@ -38,6 +38,7 @@ mod files;
 mod format;
 #[cfg(feature = "scenes")]
 mod gltf;
+mod hostile;
 #[cfg(feature = "scenes")]
 mod keys;
 mod load;
@@ -62,6 +63,7 @@ pub use description::{
 pub use error::LoadError;
 #[cfg(feature = "scenes")]
 pub use gltf::read_gltf;
+pub use hostile::Hostile;
 #[cfg(feature = "scenes")]
 pub use keys::Keys;
 pub use load::load_mesh;

@@ -262,9 +262,10 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 11] = [
+const XTASK: [Options; 12] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
+    options("first-ray", [true, true, true], Some(Tool::Embree)),
     options("rays", [true, true, true], Some(Tool::Embree)),
     options("merges", [true, true, false], None),
     options("structures", [true, true, true], Some(Tool::Embree)),
@@ -301,7 +302,7 @@ fn of_xtask(name: &str, rest: &[&str]) -> Result<Form, String> {
         if let Some(value) = value {
             call.extend(owned(&[word, value]));
             words.next();
-        } else if word.starts_with("--growth") && name == "builds" {
+        } else if word.starts_with("--growth") && (name == "builds" || name == "first-ray") {
             call.push("--growth=20000".into());
         } else if word == "--scene" && (rest.contains(&"grid-table") || name == "instructions") {
             // The smoke of one has scenes of its own; to count in one scene takes a minute.
