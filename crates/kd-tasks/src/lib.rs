@@ -82,7 +82,8 @@ pub fn useful_threads(threads: usize, items: usize) -> usize {
     let most_started = rayon::max_num_threads();
     #[cfg(not(feature = "parallel"))]
     let most_started = usize::MAX;
-    if threads > most_started {
+    // Asking for the number of cores reads files of the system, which takes longer than a small build.
+    if threads <= 2 || threads > most_started {
         return threads;
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);

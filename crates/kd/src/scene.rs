@@ -7,6 +7,7 @@ mod merged;
 mod moving;
 mod part;
 mod part_group;
+mod parts;
 mod plan;
 mod report;
 mod strategy;
@@ -25,6 +26,7 @@ pub use strategy::{MergeMethod, Strategy};
 
 use moving::MovingTree;
 use part::{Part, Role, SceneNumber};
+use parts::Parts;
 
 /// Static and moving meshes, the *parts* of the scene. A [`commit`](Self::commit) makes a [`Frame`] of them, to trace.
 ///
@@ -77,8 +79,7 @@ pub struct Scene {
     options: BuildOptions,
     strategy: Strategy,
     ray_budget: u64,
-    /// In the order of their ids.
-    parts: Vec<Part>,
+    parts: Parts,
     next_id: u32,
     /// Distinguishes its ids from those of other scenes.
     number: SceneNumber,
@@ -105,7 +106,7 @@ impl Scene {
             options,
             strategy: Strategy::Auto,
             ray_budget: Self::DEFAULT_RAY_BUDGET,
-            parts: Vec::new(),
+            parts: Parts::default(),
             next_id: 0,
             number: SceneNumber::next(),
             next_slot: 0,
@@ -187,7 +188,7 @@ impl Scene {
         let mesh = Arc::new(mesh.map_err(|error| SceneError::Mesh { part, error })?);
         changed.set_mesh(&mesh);
         if changed.has_instances {
-            for other in &mut self.parts {
+            for other in self.parts.all_mut() {
                 if other.role == Role::Instance(part) {
                     other.set_mesh(&mesh);
                 }
@@ -223,8 +224,8 @@ impl Scene {
     ///
     /// [`SceneError::NoSuchPart`].
     pub fn remove(&mut self, part: PartId) -> Result<(), SceneError> {
-        let place = self.place(part)?;
-        self.parts.remove(place);
+        self.part(part)?;
+        self.parts.remove(part);
         Ok(())
     }
 
@@ -240,7 +241,8 @@ impl Scene {
 
     /// The parts, in the order in which they were added.
     pub fn parts(&self) -> impl ExactSizeIterator<Item = PartId> + '_ {
-        self.parts.iter().map(|part| part.id)
+        let ids: Vec<PartId> = self.parts.all().map(|part| part.id).collect();
+        ids.into_iter()
     }
 
     /// Makes a frame of the current parts.
@@ -252,6 +254,7 @@ impl Scene {
     /// [`CommitError`] names the part. The frame before and the parts remain unchanged: correct or remove the part, and commit
     /// again.
     pub fn commit(&mut self) -> Result<CommitReport, CommitError> {
+        self.parts.settle();
         let plan = self.plan()?;
         Ok(self.apply(plan))
     }
@@ -293,7 +296,7 @@ impl Scene {
         let triangles = u32::try_from(triangles).expect("30 bits count triangles");
         if self.next_slot.checked_add(triangles).is_none() {
             self.next_slot = 0;
-            for part in &mut self.parts {
+            for part in self.parts.all_mut() {
                 part.first_slot = self.next_slot;
                 self.next_slot += count(&part.mesh);
             }
@@ -304,24 +307,30 @@ impl Scene {
     }
 
     fn triangles(&self) -> usize {
-        self.parts.iter().map(|part| part.mesh.len()).sum()
+        self.parts.triangles()
     }
 
     /// The index of a part.
     fn place(&self, part: PartId) -> Result<usize, SceneError> {
-        let place = self.parts.binary_search_by_key(&part, |part| part.id);
+        let place = self.parts.place(part);
         place
-            .ok()
             .filter(|_| part.scene() == self.number)
             .ok_or(SceneError::NoSuchPart { part })
     }
 
     fn part(&self, part: PartId) -> Result<&Part, SceneError> {
-        self.place(part).map(|place| &self.parts[place])
+        let found = self.parts.get(part);
+        found
+            .filter(|_| part.scene() == self.number)
+            .ok_or(SceneError::NoSuchPart { part })
     }
 
     fn part_mut(&mut self, part: PartId) -> Result<&mut Part, SceneError> {
-        self.place(part).map(|place| &mut self.parts[place])
+        let is_own = part.scene() == self.number;
+        let found = self.parts.get_mut(part);
+        found
+            .filter(|_| is_own)
+            .ok_or(SceneError::NoSuchPart { part })
     }
 }
 
@@ -355,7 +364,7 @@ mod tests {
                 parts.push(scene.add_dynamic(at(z)).expect("fits"));
                 scene.commit().expect("a frame");
             }
-            let slots: Vec<u32> = scene.parts.iter().map(|part| part.first_slot).collect();
+            let slots: Vec<u32> = scene.parts.all().map(|part| part.first_slot).collect();
             assert_eq!(slots, [0, 2, 4], "{strategy:?}: from the first on");
             let mut hits = Vec::new();
             let ray = Ray::new([0.2, 0.2, 9.0], [0.0, 0.0, -1.0]);

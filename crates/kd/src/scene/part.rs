@@ -130,6 +130,8 @@ pub(super) struct Part {
     pub(super) has_instances: bool,
     /// Whether its mesh or transform has changed since the last commit.
     pub(super) is_changed: bool,
+    /// Whether it was removed since then.
+    pub(super) is_removed: bool,
     /// The slot of its first triangle.
     pub(super) first_slot: u32,
     /// The commit that built its nodes.
@@ -156,6 +158,7 @@ impl Part {
             transform,
             has_instances: false,
             is_changed: true,
+            is_removed: false,
             first_slot,
             built: 0,
             moved: 0,

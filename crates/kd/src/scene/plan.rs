@@ -159,7 +159,7 @@ impl Scene {
             }
         }
         if inserts {
-            for (done, part) in done.iter_mut().zip(&self.parts) {
+            for (done, part) in done.iter_mut().zip(self.parts.iter()) {
                 if part.role != Role::Static && part.is_changed {
                     *done = Some((CommitAction::Inserted, CommitReason::Strategy));
                 }
