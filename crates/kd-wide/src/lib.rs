@@ -24,26 +24,29 @@
 //! # How wide nodes are made
 //!
 //! ```text
-//! kd-tree ───── divide ────┐
-//!                          ├──▶ binary tree of boxes ─ collapse ─▶ choice of nodes and leaves ─ emit ─▶ nodes, blocks
-//! triangles ─ object_split ┘
+//! triangles ── divide ──▶ binary tree of boxes ─ collapse ─▶ choice of nodes and leaves ─ emit ─▶ nodes, blocks
+//!                          │             ▲
+//!                          └ bottom-up, ─┘
+//!                            reinsertion
 //! ```
 //!
-//! Two kinds of splits make the binary tree of boxes:
+//! A [`Division`] says how triangles are divided:
 //!
-//! - **Cells of more than 1024 triangles** ([`PLANES_ABOVE`]) follow the planes of the kd-tree (*plane split*). A triangle
-//!   that a plane cuts goes to both sides with a tight box for each, or to one side as a whole where that costs less.
-//!   A cell is divided by the centers of its triangles instead (*object split*) where that costs less than half of the plane.
-//! - **Smaller cells** are divided by object splits alone. The planes that the kd-tree has there are not used.
+//! - **Objects**: by the centers of triangles (*object split*), down to leaves of eight. No triangle is in two leaves. Boxes may overlap.
+//! - **Planes**: in cells of more than 1024 triangles ([`PLANES_ABOVE`]) where the boxes of an object split overlap much, by a plane
+//!   between bins (*plane split*), if its SAH cost is not much higher. A triangle that the plane cuts goes to both sides with a tight
+//!   box for each, or to one side as a whole where that costs less. Smaller cells are divided as objects.
+//! - **Cheapest**: the cheapest by SAH cost of both, and of two other trees over the leaves of the objects: one made bottom-up, and one
+//!   in which subtrees were reinserted at better places.
 //!
-//! So a mesh of at most 1024 triangles gets the same nodes from every kd-tree builder, and the choice of a builder shows in
-//! larger cells only. Boxes may overlap where cells of a kd-tree may not, and an object split puts no triangle in two leaves:
-//! with planes down to the leaves rays visited 0.9 to 1.12 times as many nodes, more blocks, in 1.5 to 2.3 times the memory.
-//! Planes in large cells lower the SAH cost by 3 to 13 % in rooms. (The measurements are in `divide.rs`; `docs/choosing.md`
-//! has the times: nodes of objects alone, [`WideTree::from_objects`], take 0.26 of the build time of the preset `balanced`, and
-//! trace at 0.99 of its speed.)
+//! [`WideTree::new`] follows the planes of a kd-tree instead of its own, in the same cells.
 //!
-//! The rule is decided in one place, `divide.rs`. [`WideTree::with_planes_above`] sets another limit, for measurements.
+//! Planes in large cells pay in rooms: rays through the planes of one church take 14 % less time than through objects. On scans they gain
+//! nothing; among walls with much clutter an optimized tree of objects is 10 to 15 % faster still. Planes in small cells only duplicate
+//! triangles: with planes down to the leaves rays visited 0.9 to 1.12 times as many nodes, more blocks, in 1.5 to 2.3 times the memory.
+//! (`divide.rs` and `tree.rs` have the measurements, throw-away programs; `cargo xtask first-ray --scenes DIR` compares the divisions.)
+//!
+//! Triangles of zero area are never hit. They are aside, in an empty box, until a refit finds that they have an area.
 //!
 //! A tree of boxes then collapses: dynamic programming over the surface area heuristic chooses which boxes become wide nodes,
 //! and which subtrees become leaves of up to three blocks (`collapse.rs`).

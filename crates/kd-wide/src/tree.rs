@@ -28,7 +28,8 @@ pub enum Division {
     /// By planes in cells of more than [`PLANES_ABOVE`](crate::PLANES_ABOVE) triangles where object splits leave boxes that overlap,
     /// as among the walls of rooms; by object splits elsewhere.
     Planes {
-        /// The most references to triangles, at least one to each: a triangle that a plane cuts is referenced on both sides.
+        /// The most references to triangles, at least one to each: a triangle that a plane cuts is referenced on both sides. In any
+        /// case there are at most one and a half for each triangle.
         most_references: u64,
     },
     /// The cheapest of several by SAH cost: by planes, by objects, and two optimized trees over the leaves of the latter, one of which is

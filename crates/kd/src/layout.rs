@@ -147,7 +147,7 @@ impl LayoutPolicy {
         mesh: &Mesh,
         progress: Option<&BuildProgress<'_>>,
     ) -> Option<Result<WideTree, BuildError>> {
-        let most_references = self.most_references(mesh);
+        let most_references = self.most_references.unwrap_or(u64::MAX);
         let division = match self.wide_nodes {
             WideNodes::Objects => Division::Objects,
             WideNodes::Planes => Division::Planes { most_references },
@@ -156,14 +156,6 @@ impl LayoutPolicy {
         };
         let wide = WideTree::build(mesh, division, self.is_parallel, progress);
         Some(wide.map_err(BuildError::from))
-    }
-
-    /// Planes below the top of a mesh rarely cut more than an eighth of its triangles. The limit is for meshes where they would
-    /// cut each of them often.
-    fn most_references(self, mesh: &Mesh) -> u64 {
-        let triangles = mesh.len() as u64;
-        let most = triangles + triangles / 2;
-        self.most_references.map_or(most, |limit| limit.min(most))
     }
 
     /// Wide nodes for a mesh that soon changes.

@@ -17,7 +17,7 @@
 //! # Meshes
 //!
 //! [`Mesh::new`] takes vertices and three indices per triangle, and checks them once: coordinates are finite, indices
-//! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are valid.
+//! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are valid; the latter are never hit.
 #![cfg_attr(
     feature = "io",
     doc = "[`load_mesh`] reads OBJ, PLY, glTF, AFF and NFF files; its errors name the file and the line or element."
@@ -27,8 +27,9 @@
 //!
 //! [`KdTree::build`] takes the mesh (or an `Arc` of it, to share it) and [`BuildOptions`]: one of the presets
 //! [`fast`](BuildOptions::fast), [`balanced`](BuildOptions::balanced) and [`best`](BuildOptions::best), changed by
-//! `with_…` methods where needed. All builders clip triangles to the cells that they overlap, and put triangles that are in a
-//! plane on one side of it. The result does not depend on the number of threads.
+//! `with_…` methods where needed. A preset builds what rays traverse, from the triangles themselves, and no kd-tree. An explicit
+//! [`with_method`](BuildOptions::with_method) builds the kd-tree of that method first, and so does [`Layout::Binary`].
+//! [`KdTree::kd_tree`] builds the kd-tree of any options on demand. The result does not depend on the number of threads.
 //!
 //! ```
 //! use kd::{BuildOptions, CostModel, Method};
@@ -43,10 +44,9 @@
 //!
 //! # What rays traverse
 //!
-//! Rays traverse a *layout* of the tree, not its nodes. By default that is [`Layout::Wide`]: nodes of eight children with boxes,
-//! made from the planes of the kd-tree in cells of more than 1024 triangles, and by dividing triangles as objects below. Planes
-//! gain most in rooms, objects in small and dense parts. [`Layout::Binary`] holds exactly the nodes of the kd-tree. [`layout`]
-//! states which layout each preset, method and strategy makes, and why.
+//! Rays traverse a *layout*. By default that is [`Layout::Wide`]: nodes of eight children with boxes. Triangles are divided as
+//! objects, and by planes in cells of more than 1024 triangles where boxes of objects overlap, as in rooms. [`Layout::Binary`] holds
+//! exactly the nodes of the kd-tree. [`layout`] states which layout each preset, method and strategy makes, and why.
 //!
 //! # Rays
 //!
