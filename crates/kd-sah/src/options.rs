@@ -57,7 +57,8 @@ pub enum WideNodes {
     /// Planes divide cells of more than 1024 triangles where a division as objects leaves boxes that overlap, as between the walls of
     /// a room. Elsewhere triangles are divided as objects.
     Planes,
-    /// The cheaper of several by SAH cost.
+    /// The cheapest of several by SAH cost: [`Objects`](Self::Objects), [`Planes`](Self::Planes), and two trees of objects that are
+    /// optimized afterwards. Takes twice the time of planes. Gains most where walls surround much clutter.
     Cheapest,
     /// The planes of the kd-tree that the other options describe divide cells of more than 1024 triangles. Triangles in smaller cells
     /// are divided as objects. Takes the time of the whole kd-tree.
@@ -94,13 +95,14 @@ pub struct BuildOptions {
 const DEPTH_CAP: u32 = 48;
 
 impl BuildOptions {
-    /// For meshes that change often: planes across the longest axis of a cell only, and, in cells of more than 64
-    /// primitives, fewer bins that are searched for a better plane ([`with_plane_adjustment`](Self::with_plane_adjustment) 0.95).
+    /// For meshes that change often: wide nodes of [`WideNodes::Objects`].
     ///
-    /// Builds in 1.12 times the time of Embree's medium-quality build, traces in 1.00 times the time of
-    /// [`best`](Self::best), and its SAH cost is 1.04 times that of `best`.
+    /// Its kd-tree has planes across the longest axis of a cell only, and, in cells of more than 64 primitives, fewer bins that are
+    /// searched for a better plane ([`with_plane_adjustment`](Self::with_plane_adjustment) 0.95). The kd-tree builds in 1.12 times the
+    /// time of Embree's medium-quality build, and its SAH cost is 1.04 times that of [`best`](Self::best).
     /// (`cargo xtask builds --scenes DIR` on six meshes of 39 000 to 203 000 triangles, geometric means, one thread;
-    /// `benches/records/2026-11-25-builds.jsonl`, as for the other presets.)
+    /// `benches/records/2026-11-25-builds.jsonl`, as for the other presets. `cargo xtask first-ray --scenes DIR` has the times of wide
+    /// nodes and of rays.)
     pub const fn fast() -> Self {
         Self {
             method: Method::Hybrid {
@@ -114,10 +116,10 @@ impl BuildOptions {
         }
     }
 
-    /// The default: up to 256 bins in large cells, exact planes in those of up to 64 primitives.
+    /// The default: wide nodes of [`WideNodes::Planes`].
     ///
-    /// Builds in 0.40 times the time of Embree's high-quality build, traces in 1.00 times the time of
-    /// [`best`](Self::best), and its SAH cost is 1.003 times that of `best`.
+    /// Its kd-tree has planes from up to 256 bins in large cells, and exact planes in those of up to 64 primitives. It builds in 0.40
+    /// times the time of Embree's high-quality build, and its SAH cost is 1.003 times that of [`best`](Self::best).
     pub const fn balanced() -> Self {
         Self {
             method: Method::Hybrid {
@@ -139,9 +141,10 @@ impl BuildOptions {
         }
     }
 
-    /// Exact planes everywhere: the least SAH cost that choosing plane by plane gives.
+    /// For many rays through a mesh that stays: wide nodes of [`WideNodes::Cheapest`].
     ///
-    /// Builds in 0.45 times the time of Embree's high-quality build.
+    /// Its kd-tree has exact planes everywhere: the least SAH cost that choosing plane by plane gives. It builds in 0.45 times the time
+    /// of Embree's high-quality build.
     pub const fn best() -> Self {
         Self {
             method: Method::Exact,
@@ -186,7 +189,8 @@ impl BuildOptions {
     ///
     /// A cell's share of the limit is divided between its children in proportion to their primitives, so that the tree does not
     /// depend on the order of the build. [`TreeStats::limited_cells`](kd_core::TreeStats::limited_cells) counts the cells that
-    /// became leaves by it.
+    /// became leaves by it. Wide nodes that are made without a kd-tree keep to the limit too: cells are divided as objects where it is
+    /// reached. Their default is one and a half for each triangle.
     #[must_use]
     pub const fn with_max_refs(mut self, max_refs: u64) -> Self {
         self.max_refs = Some(max_refs);
