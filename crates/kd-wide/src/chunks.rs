@@ -5,6 +5,11 @@ use crate::box_tree::Item;
 /// Items of a chunk: some tens of microseconds of work.
 const CHUNK: usize = 1 << 12;
 
+/// Whether the items are at least two chunks.
+pub(crate) fn are_many(items: &[Item]) -> bool {
+    items.len() >= 2 * CHUNK
+}
+
 /// Reduces each chunk of the items, and combines the results in order. Parallel: on the threads of the pool in scope, where there
 /// are at least two chunks. `combine` must be associative, and `of` of two chunks be the combination of both.
 #[inline(always)]
@@ -14,7 +19,7 @@ pub(crate) fn reduce<R: Send>(
     of: impl Fn(&[Item]) -> R + Send + Sync,
     combine: impl Fn(R, R) -> R,
 ) -> R {
-    if !is_parallel || items.len() < 2 * CHUNK {
+    if !is_parallel || !are_many(items) {
         return of(items);
     }
     let chunks = items.chunks(CHUNK).collect();

@@ -7,8 +7,8 @@
 //! - *of a kd-tree* ([`OfTree`]), always, down to its leaves.
 //!
 //! A triangle that a plane cuts goes to both sides, with a tight box for each, or to one side as a whole where that costs less
-//! ([`Sides`]). An object split replaces a plane that costs much more. That happens where a few huge triangles are among many
-//! small ones: each plane that cuts off empty space also cuts the huge triangles.
+//! ([`Sides`]). An object split replaces a plane that costs more ([`Planes::OBJECTS_BELOW`]). Planes cost much more where a few huge
+//! triangles are among many small ones: each plane that cuts off empty space also cuts the huge triangles.
 //!
 //! Why planes in large cells only, from a throw-away program over a scan, a city and three rooms (2026-11-25): with all planes
 //! of a kd-tree (in two of the rooms) rays visit about as many nodes as with objects alone (0.9 to 1.12 times) and more blocks,
@@ -31,12 +31,6 @@ use sides::Sides;
 pub const PLANES_ABOVE: usize = 1024;
 /// Items that are not divided.
 const FEW: usize = 8;
-/// An object split replaces a plane that costs more than one over this as much.
-///
-/// (From 0.5 to 1, rays of five kinds over 20 meshes are equally fast in the mean: 1.009 to 1.017 times the speed with planes of a
-/// kd-tree. At 1, rays in a stadium take 10 % longer and around a machine part 6 %; at 0.5, rays on terrain and in a game level take
-/// 2 % longer. A throw-away program, 2026-11-30.)
-const CHEAPER: f64 = 0.7;
 /// Object splits on a path before items are divided in halves by number.
 pub(crate) const MOST_DIVISIONS: usize = 32;
 /// The largest number of levels of a wide tree: those of planes, of object splits and of halves of a 32-bit number; and above
@@ -51,11 +45,6 @@ const TASK: usize = 1 << 11;
 pub(crate) fn per_area(bounds: &Aabb) -> f64 {
     let area = bounds.half_area();
     if area > 0.0 { area.recip() } else { 0.0 }
-}
-
-/// Whether a plane of this SAH cost is preferred to an object split.
-fn is_plane_cheap(plane: f64, objects: f64) -> bool {
-    objects >= CHEAPER * plane
 }
 
 /// Boxes, and their SAH cost relative to the half area of the root's box.
@@ -194,8 +183,7 @@ impl<P: Planes> Divider<'_, P> {
                 .plane(&cell.planes, own, objects.as_ref(), is_parallel);
             if let Some(plane) = plane {
                 sides.measure(own, plane, self.mesh, is_parallel);
-                let is_cheap = |objects| is_plane_cheap(sides.cost(), objects);
-                if objects.is_none_or(|objects| is_cheap(f64::from(objects.split.cost))) {
+                if objects.is_none_or(|objects| P::is_cheap(sides.cost(), &objects)) {
                     let counts = sides.counts();
                     if let Some(empty) = counts.iter().position(|count| *count == 0) {
                         cell.planes = self.planes.one(&cell.planes, empty ^ 1);

@@ -44,7 +44,7 @@
 //! Planes in large cells pay in rooms: rays through the planes of one church take 14 % less time than through objects. On scans they gain
 //! nothing; among walls with much clutter an optimized tree of objects is 10 to 15 % faster still. Planes in small cells only duplicate
 //! triangles: with planes down to the leaves rays visited 0.9 to 1.12 times as many nodes, more blocks, in 1.5 to 2.3 times the memory.
-//! (`divide.rs` and `tree.rs` have the measurements, throw-away programs; `cargo xtask first-ray --scenes DIR` compares the divisions.)
+//! (`divide.rs` and `cheapest.rs` have the measurements, throw-away programs; `cargo xtask first-ray --scenes DIR` compares the divisions.)
 //!
 //! Triangles of zero area are never hit. They are aside, in an empty box, until a refit finds that they have an area.
 //!
@@ -69,12 +69,14 @@ mod bins;
 mod block;
 mod bottom_up;
 mod box_tree;
+mod cheapest;
 mod chunks;
 mod collapse;
 mod divide;
 mod emit;
 mod forest;
 mod frame;
+mod items;
 mod join;
 mod large_pages;
 mod linked;

@@ -7,15 +7,13 @@ use kd_tasks::{Cancelled, Progress, Tracker};
 use crate::arrays::Arrays;
 use crate::binary::{self, BinaryTree};
 use crate::block::Block;
-use crate::bottom_up::bottom_up;
 use crate::box_tree::{BoxTree, Item};
-use crate::divide::{Costed, boxes_of_bins, boxes_of_objects, boxes_of_tree, per_area};
+use crate::cheapest::cheapest;
+use crate::divide::{boxes_of_bins, boxes_of_objects, boxes_of_tree};
 use crate::emit;
 use crate::frame::Frame;
-use crate::large_pages;
-use crate::linked::LinkedTree;
+use crate::items::{Items, items_of_mesh, items_of_tree};
 use crate::node::{Child, WideNode};
-use crate::reinsert::reinsert;
 use crate::stats;
 use crate::work::Work;
 
@@ -286,139 +284,4 @@ impl PartialEq for WideTree {
     fn eq(&self, other: &Self) -> bool {
         self.arrays == other.arrays
     }
-}
-
-/// An optimized tree replaces another one if its SAH cost is below this part of the other's.
-///
-/// (Trees that are cheaper by 1 to 3 % after reinsertion do not trace faster, and those of gears 4 % slower. Where they are cheaper by
-/// more, as in rooms, rays are 2 to 18 % faster. A throw-away program over 20 meshes, 2026-11-30.)
-const WORTH: f32 = 0.97;
-
-/// The boxes of [`Division::Cheapest`].
-fn cheapest(
-    mesh: &Mesh,
-    items: Vec<Item>,
-    bounds: &Aabb,
-    most_references: u64,
-    work: Work<'_>,
-) -> Costed {
-    let [planes, rest] = work.divide([2, 3]);
-    let [objects, rest] = rest.divide([1, 2]);
-    let [first, second] = rest.divide([1, 1]);
-    let per_area = per_area(bounds);
-    let optimized = |tree: Option<LinkedTree>, boxes: &BoxTree, work: Work<'_>| {
-        let mut tree = tree?;
-        reinsert(&mut tree, work);
-        tree.to_boxes(boxes, per_area)
-    };
-    let all_of_objects = |items| {
-        let objects = boxes_of_objects(mesh, items, bounds, objects);
-        let (reinserted, bottom_up) = kd_tasks::join_if(
-            work.is_parallel,
-            || optimized(LinkedTree::of(&objects.0), &objects.0, first),
-            || {
-                let tree = bottom_up(&objects.0, work.is_parallel);
-                optimized(tree, &objects.0, second)
-            },
-        );
-        let optimized = cheaper(reinserted, bottom_up, 1.0);
-        (objects, optimized)
-    };
-    let copy = items.clone();
-    let (planes, (objects, optimized)) = kd_tasks::join_if(
-        work.is_parallel,
-        || boxes_of_bins(mesh, items, bounds, most_references, planes),
-        || all_of_objects(copy),
-    );
-    let divided = cheaper(Some(planes), Some(objects), 1.0);
-    cheaper(divided, optimized, WORTH).expect("two divisions")
-}
-
-/// The second of two if its cost is below `part` of the first one's.
-fn cheaper(first: Option<Costed>, second: Option<Costed>, part: f32) -> Option<Costed> {
-    match (first, second) {
-        (Some(first), Some(second)) if second.1 < part * first.1 => Some(second),
-        (None, second) => second,
-        (first, _) => first,
-    }
-}
-
-/// The triangles of a mesh.
-struct Items {
-    with_area: Vec<Item>,
-    /// The numbers of those of zero area.
-    without: Vec<u32>,
-}
-
-/// The triangles of a mesh, each with its box.
-fn items_of_mesh(mesh: &Mesh, is_parallel: bool) -> Items {
-    const CHUNK: usize = 1 << 12;
-    // Zeroed pages of the system, untouched: threads share the work of touching them.
-    let mut items: Vec<Item> = bytemuck::zeroed_vec(mesh.len());
-    large_pages::advise(&items);
-    let chunks = (0..).step_by(CHUNK).zip(items.chunks_mut(CHUNK));
-    let all_have_area = kd_tasks::map(chunks.collect(), is_parallel, |(first, chunk)| {
-        let mut all_have_area = true;
-        for (triangle, item) in (first..).zip(chunk) {
-            *item = item_of(triangle, mesh);
-            all_have_area &= !item.is_empty();
-        }
-        all_have_area
-    });
-    if all_have_area.into_iter().all(|all| all) {
-        return Items {
-            with_area: items,
-            without: Vec::new(),
-        };
-    }
-    divided_by_area(items)
-}
-
-/// The triangles of a kd-tree, each with its box.
-fn items_of_tree(tree: &Tree, mesh: &Mesh) -> Items {
-    let triangles = (0..).zip(triangles_of(tree, mesh.len()));
-    let present = triangles.filter(|(_, is_in_tree)| *is_in_tree);
-    let items = present.map(|(triangle, _)| item_of(triangle, mesh));
-    divided_by_area(items.collect())
-}
-
-/// A triangle, in an empty box if it has no area.
-#[inline(always)]
-fn item_of(triangle: u32, mesh: &Mesh) -> Item {
-    if mesh.is_zero_area(triangle) {
-        Item::within(Aabb::EMPTY, triangle)
-    } else {
-        Item::whole(triangle, mesh)
-    }
-}
-
-fn divided_by_area(items: Vec<Item>) -> Items {
-    let (without, with_area): (Vec<Item>, Vec<Item>) = items.into_iter().partition(Item::is_empty);
-    Items {
-        with_area,
-        without: without.iter().map(Item::number).collect(),
-    }
-}
-
-/// Which triangles of a mesh are in a leaf that the root of a kd-tree reaches. (An arena may hold other trees too.)
-fn triangles_of(tree: &Tree, triangles: usize) -> Vec<bool> {
-    let mut is_in_tree = vec![false; triangles];
-    let mut is_seen = vec![false; tree.nodes().len()];
-    let mut pending = vec![tree.root()];
-    while let Some(place) = pending.pop() {
-        // Subtrees may be shared.
-        if std::mem::replace(&mut is_seen[place.index()], true) {
-            continue;
-        }
-        let node = tree.nodes()[place.index()];
-        if node.is_leaf() {
-            for slot in tree.leaf_refs(node) {
-                is_in_tree[slot.0 as usize] = true;
-            }
-        } else {
-            let first = node.first_child();
-            pending.extend([first, first.sibling()]);
-        }
-    }
-    is_in_tree
 }

@@ -2,15 +2,15 @@
 //!
 //! | made by | layout | wide nodes come from |
 //! |---|---|---|
-//! | [`KdTree::build`], [`LazyTree::finish`] | [`BuildOptions::layout`] | the options' method, see below |
-//! | [`KdTree::with_layout`] | the argument | the method that the tree was built or loaded with |
-//! | [`KdTree::load_with`] | [`BuildOptions::layout`] | the options' method |
-//! | [`KdTree::load`] | as `load_with` and [`BuildOptions::balanced`]: wide | planes |
+//! | [`KdTree::build`], [`LazyTree::finish`] | [`BuildOptions::layout`] | the options, see below |
+//! | [`KdTree::with_layout`] | the argument | the options that the tree was built or loaded with |
+//! | [`KdTree::load_with`] | [`BuildOptions::layout`] | the options |
+//! | [`KdTree::load`] | as `load_with` and [`BuildOptions::balanced`]: wide | planes from bins |
 //! | [`LazyTree`] | always binary: its cells are small kd-trees, each laid out when a ray enters it | |
-//! | [`Strategy::Rebuild`] of a [`Scene`] | the layout in the strategy's own options | those options' method |
-//! | [`Strategy::Auto`] | the layout in the scene's options; [`Layout::Binary`] merges kd-trees as by [`MergeMethod::PartitionTrees`] | static parts: the scene's method; others: objects |
+//! | [`Strategy::Rebuild`] of a [`Scene`] | the layout in the strategy's own options | those options |
+//! | [`Strategy::Auto`] | the layout in the scene's options; [`Layout::Binary`] merges kd-trees as by [`MergeMethod::PartitionTrees`] | static parts: the scene's options; others: objects |
 //! | [`MergeMethod::PartitionTrees`], [`BspMerge`](MergeMethod::BspMerge), [`Insertion`](MergeMethod::Insertion) | always binary: merged kd-trees share subtrees of 8-byte nodes with the frame before, while wide nodes would be rebuilt for every frame | |
-//! | [`MergeMethod::Guided`], [`Strategy::Refit`], [`Instances`](Strategy::Instances), [`Dual`](Strategy::Dual) | always wide: only wide nodes are refitted and joined; [`Layout::Binary`] in the scene's options is a [`CommitError::Layout`](crate::scene::CommitError::Layout) | static parts: the scene's method; others: objects |
+//! | [`MergeMethod::Guided`], [`Strategy::Refit`], [`Instances`](Strategy::Instances), [`Dual`](Strategy::Dual) | always wide: only wide nodes are refitted and joined; [`Layout::Binary`] in the scene's options is a [`CommitError::Layout`](crate::scene::CommitError::Layout) | static parts: the scene's options; others: objects |
 //!
 //! # Where wide nodes come from
 //!
@@ -19,7 +19,8 @@
 //! - [`WideNodes::Objects`], by [`BuildOptions::fast`]: triangles are divided as objects all the way down.
 //! - [`WideNodes::Planes`], by [`BuildOptions::balanced`]: planes divide cells of more than 1024 triangles where boxes of objects
 //!   overlap much; elsewhere triangles are divided as objects.
-//! - [`WideNodes::Cheapest`], by [`BuildOptions::best`]: the cheaper of both by SAH cost.
+//! - [`WideNodes::Cheapest`], by [`BuildOptions::best`]: the cheapest by SAH cost of both, and of two trees of objects that are optimized
+//!   afterwards.
 //! - [`WideNodes::KdTree`], by [`BuildOptions::with_method`]: the planes of the kd-tree divide cells of more than 1024 triangles;
 //!   below, triangles are divided as objects. Only these need a kd-tree; it is built first.
 //!

@@ -43,17 +43,19 @@ impl Sides {
     /// Decides for each item, and moves none. One that the plane cuts goes to both sides, with a tight box for each part, or to one
     /// side as a whole where that costs less (Stich, Friedrich, Dietrich 2009, section 4.4: reference unsplitting).
     pub(super) fn measure(&mut self, items: &[Item], plane: Plane, mesh: &Mesh, is_parallel: bool) {
-        let scanned = chunks::reduce(
-            items,
-            is_parallel,
-            |items| (items.len(), scan(items, plane, mesh)),
-            |(before, mut all), (more, scanned)| {
-                all.add(before, scanned);
-                (before + more, all)
-            },
-        );
-        let (_, Scanned { mut sides, cuts }) = scanned;
-        self.cuts = cuts;
+        self.cuts.clear();
+        let mut sides = if is_parallel && chunks::are_many(items) {
+            let scanned = chunks::reduce(
+                items,
+                true,
+                |items| Scanned::of(items, plane, mesh),
+                Scanned::followed_by,
+            );
+            self.cuts = scanned.cuts;
+            scanned.sides
+        } else {
+            scan(items, plane, mesh, &mut self.cuts)
+        };
         for (place, cut) in &self.cuts {
             match cut {
                 Cut::Whole(side) => sides[*side].add(&Group::of(&items[*place])),
@@ -113,28 +115,41 @@ impl Sides {
     }
 }
 
-/// Items on the two sides of a plane that are not cut, and those that are.
+/// The items of a chunk.
 struct Scanned {
+    count: usize,
+    /// Those on the two sides of a plane that are not cut.
     sides: [Group; 2],
     cuts: Vec<CutAt>,
 }
 
 impl Scanned {
-    /// Adds what follows `before` items.
-    fn add(&mut self, before: usize, other: Self) {
+    fn of(items: &[Item], plane: Plane, mesh: &Mesh) -> Self {
+        let mut cuts = Vec::new();
+        Self {
+            count: items.len(),
+            sides: scan(items, plane, mesh, &mut cuts),
+            cuts,
+        }
+    }
+
+    fn followed_by(mut self, other: Self) -> Self {
         for (side, more) in self.sides.iter_mut().zip(&other.sides) {
             side.add(more);
         }
+        let before = self.count;
         let cuts = other.cuts.into_iter();
         self.cuts
             .extend(cuts.map(|(place, cut)| (before + place, cut)));
+        self.count += other.count;
+        self
     }
 }
 
-fn scan(items: &[Item], plane: Plane, mesh: &Mesh) -> Scanned {
+/// Adds the items that a plane cuts to `cuts`. Returns the others, by side.
+fn scan(items: &[Item], plane: Plane, mesh: &Mesh, cuts: &mut Vec<CutAt>) -> [Group; 2] {
     let along = plane.axis.index();
     let mut sides = [Group::NOTHING; 2];
-    let mut cuts = Vec::new();
     for (place, item) in items.iter().enumerate() {
         let is_lower = item.max_on(along) <= plane.position;
         if is_lower | (item.min_on(along) >= plane.position) {
@@ -148,7 +163,7 @@ fn scan(items: &[Item], plane: Plane, mesh: &Mesh) -> Scanned {
         };
         cuts.push((place, cut));
     }
-    Scanned { sides, cuts }
+    sides
 }
 
 #[derive(Clone, Copy)]
