@@ -28,6 +28,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "kd-merge",
             "kd-sah",
             "kd-select",
+            "kd-tasks",
             "kd-trace",
             "kd-scene",
         ],
