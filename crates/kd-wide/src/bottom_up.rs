@@ -2,8 +2,8 @@
 //! Locally-Ordered Clustering for Bounding Volume Hierarchy Construction*, 2018).
 //!
 //! Leaves are sorted along a space-filling curve. In each round each cluster chooses, among its neighbors on the curve, the one that it
-//! has the smallest box with; two that choose each other become one. Where large walls lie among small things, the walls join the tree
-//! near its root, which a division from above cannot decide in time.
+//! has the smallest box with; two that choose each other become one. Large walls among small things stay alone until only large boxes
+//! are left, and so are near the root. A division from above has no such choice.
 
 use crate::box_tree::{BoxTree, Item, Kind};
 use crate::linked::{Linked, LinkedTree};
