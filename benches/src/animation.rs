@@ -302,11 +302,13 @@ const POSES: [(&str, Vec3, f32); 6] = [
 fn room_around(clutter: &Mesh) -> anyhow::Result<Mesh> {
     let bounds = clutter.bounds();
     let half = bounds.extent();
-    let corner = |corner: usize| {
-        let sign =
-            Vec3::from([0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }));
-        (bounds.center() + sign * half).to_array()
-    };
+    let walls = cuboid(bounds.center() - half, bounds.center() + half)?;
+    Ok(Mesh::concatenated([&walls, clutter])?)
+}
+
+/// The six sides of a box, as twelve triangles.
+pub(crate) fn cuboid(low: Vec3, high: Vec3) -> anyhow::Result<Mesh> {
+    let corner = |corner: usize| [0, 1, 2].map(|axis| [low, high][corner >> axis & 1][axis]);
     let positions = [0, 1, 2, 3, 4, 5, 6, 7].map(corner).to_vec();
     let sides = [
         [0, 1, 3, 2],
@@ -319,8 +321,7 @@ fn room_around(clutter: &Mesh) -> anyhow::Result<Mesh> {
     let triangles = sides
         .iter()
         .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
-    let walls = Mesh::new(positions, triangles.collect())?;
-    Ok(Mesh::concatenated([&walls, clutter])?)
+    Ok(Mesh::new(positions, triangles.collect())?)
 }
 
 fn floats(path: &Path) -> anyhow::Result<Vec<f32>> {

@@ -3,8 +3,9 @@
 use std::time::{Duration, Instant};
 
 use kd::glam::{Affine3A, Vec3};
-use kd::{BuildOptions, Mesh, Scene};
+use kd::{BuildOptions, Scene};
 
+use crate::animation::cuboid;
 use crate::environment::Environment;
 use crate::measure::Pairs;
 use crate::record::Record;
@@ -47,7 +48,7 @@ fn once(side: u16) -> anyhow::Result<[f64; 3]> {
     let mut scene = Scene::new(BuildOptions::fast().with_threads(1));
     let mut parts = Vec::new();
     for place in (0..side).flat_map(|x| (0..side).map(move |y| (x, y))) {
-        let part = scene.add_dynamic(cube())?;
+        let part = scene.add_dynamic(cuboid(Vec3::ZERO, Vec3::ONE)?)?;
         scene.set_transform(part, at(place, 0.0))?;
         parts.push(part);
     }
@@ -71,18 +72,4 @@ fn once(side: u16) -> anyhow::Result<[f64; 3]> {
 
 fn at((x, y): (u16, u16), z: f32) -> Affine3A {
     Affine3A::from_translation(2.0 * Vec3::new(f32::from(x), f32::from(y), z))
-}
-
-fn cube() -> Mesh {
-    let corner = |number: u8| [0, 1, 2].map(|axis| f32::from(number >> axis & 1));
-    let faces = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let triangles = faces.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
-    Mesh::new((0..8).map(corner).collect(), triangles.concat()).expect("a cube")
 }

@@ -101,6 +101,16 @@ impl<'a> Tracker<'a> {
         self.check()
     }
 
+    /// Records all that is left as finished.
+    ///
+    /// # Errors
+    ///
+    /// As [`done`](Self::done).
+    pub fn finish(&self) -> Result<(), Cancelled> {
+        let done = self.done.load(Ordering::Relaxed);
+        self.done(Share(Share::ALL.0.saturating_sub(done)))
+    }
+
     /// Records nothing.
     ///
     /// # Errors
@@ -118,6 +128,24 @@ impl<'a> Tracker<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_end_is_reported_once() {
+        for part in [0, 2, 5] {
+            let calls = std::sync::Mutex::new(Vec::new());
+            let record = |done: f32| {
+                calls.lock().expect("no panic").push(done);
+                ControlFlow::Continue(())
+            };
+            let tracker = Tracker::new(Some(&record));
+            let [own, _] = Share::ALL.divide([part, 5 - part]);
+            assert_eq!(tracker.done(own), Ok(()));
+            assert_eq!(tracker.finish(), Ok(()));
+            let calls = calls.lock().expect("no panic");
+            let ends = calls.iter().filter(|done| **done == 1.0).count();
+            assert_eq!(ends, 1, "{part}: {calls:?}");
+        }
+    }
 
     #[test]
     fn divided_shares_add_up() {

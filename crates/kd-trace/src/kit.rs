@@ -37,4 +37,4 @@ pub use crate::probe::Probe;
 pub use crate::triangle::TriangleTest;
 pub use kd_core::{Ray, RayPacket8};
 pub use kd_simd::{max, min};
-pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit, in_morton_order};
+pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit, clusters, in_morton_order};

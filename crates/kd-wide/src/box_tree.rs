@@ -309,6 +309,6 @@ fn relative_area(bounds: &Aabb, per_area: f64) -> f32 {
 }
 
 /// References are counted in 32 bits, and nodes and items are no more than references.
-fn to_u32(count: usize) -> u32 {
+pub(crate) fn to_u32(count: usize) -> u32 {
     u32::try_from(count).expect("32 bits count references")
 }

@@ -33,10 +33,12 @@ pub const PLANES_ABOVE: usize = 1024;
 const FEW: usize = 8;
 /// Object splits on a path before items are divided in halves by number.
 pub(crate) const MOST_DIVISIONS: usize = 32;
-/// The largest number of levels of a wide tree: those of planes, of object splits and of halves of a 32-bit number; and above
+/// The largest number of levels of a wide tree: those of a division; below them those of triangles that are not divided; and above
 /// them those of a join, which divides by object splits and halves. A ray's stack holds seven children a level.
-pub const MAX_LEVELS: usize = MAX_DIVIDED_LEVELS + MOST_DIVISIONS + 32;
-/// Those without a join.
+pub const MAX_LEVELS: usize = MAX_DIVIDED_LEVELS + MOST_UNDIVIDED_LEVELS + MOST_DIVISIONS + 32;
+/// Those of a 32-bit number of triangles in one place, eight parts a node, and of the link to triangles of zero area.
+const MOST_UNDIVIDED_LEVELS: usize = 32 / 3 + 1;
+/// Those of planes, of object splits and of halves of a 32-bit number.
 pub(crate) const MAX_DIVIDED_LEVELS: usize = MAX_DEPTH + MOST_DIVISIONS + 32;
 /// The fewest items on the smaller side of a split that are worth a task: some hundreds of microseconds.
 const TASK: usize = 1 << 11;

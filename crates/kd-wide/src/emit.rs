@@ -15,7 +15,7 @@ use kd_tasks::{Share, Tracker};
 use smallvec::SmallVec;
 
 use crate::block::Block;
-use crate::box_tree::{BoxTree, Kind};
+use crate::box_tree::{BoxTree, Kind, to_u32};
 use crate::large_pages;
 use crate::node::{Child, WIDTH, WideNode};
 use crate::work::Work;
@@ -63,11 +63,6 @@ impl SharedCounts {
             blocks: self.blocks.load(Ordering::Relaxed) as usize,
         }
     }
-}
-
-/// Nodes and blocks have indices of fewer than 32 bits.
-fn to_u32(count: usize) -> u32 {
-    u32::try_from(count).expect("fewer than 2^32")
 }
 
 /// How leaves are written.

@@ -8,7 +8,7 @@
 use kd_core::{Aabb, Axis};
 
 use crate::arrays::Arrays;
-use crate::box_tree::{Added, BoxTree, Item, Leaves};
+use crate::box_tree::{Added, BoxTree, Item, Leaves, to_u32};
 use crate::divide::{MOST_DIVISIONS, per_area};
 use crate::emit;
 use crate::node::Child;
@@ -216,8 +216,4 @@ impl Joint {
         self.opened += other.opened;
         self.boxes.append(&other.boxes, root, links)
     }
-}
-
-fn to_u32(count: usize) -> u32 {
-    u32::try_from(count).expect("fewer nodes than 2^31")
 }

@@ -41,10 +41,11 @@
 //!
 //! [`WideTree::new`] follows the planes of a kd-tree instead of its own, in the same cells.
 //!
-//! Planes in large cells pay in rooms: rays through the planes of one church take 14 % less time than through objects. On scans they gain
-//! nothing; among walls with much clutter an optimized tree of objects is 10 to 15 % faster still. Planes in small cells only duplicate
-//! triangles: with planes down to the leaves rays visited 0.9 to 1.12 times as many nodes, more blocks, in 1.5 to 2.3 times the memory.
-//! (`divide.rs` and `cheapest.rs` have the measurements, throw-away programs; `cargo xtask first-ray --scenes DIR` compares the divisions.)
+//! Planes in large cells make rays 15 % faster in a church, and gain nothing on scans. Among walls with much clutter, objects are 16 to 23 %
+//! faster than planes, and optimized trees 25 to 28 %. (`cargo xtask first-ray --scenes DIR` compares them by scene, in the rows of `fast`,
+//! `balanced` and `best`; `benches/records/2026-11-30-first-ray.jsonl`.) Planes in small cells only duplicate triangles: with planes down to
+//! the leaves rays visited 0.9 to 1.12 times as many nodes, more blocks, in 1.5 to 2.3 times the memory (a throw-away program, in
+//! `divide.rs`).
 //!
 //! Triangles of zero area are never hit. They are aside, in an empty box, until a refit finds that they have an area.
 //!
@@ -92,6 +93,7 @@ mod work;
 pub use arrays::Refit;
 pub use binary::{BinaryNode, BinaryTree};
 pub use block::{Block, LaneCorners};
+pub use bottom_up::clusters;
 pub use box_tree::Item;
 pub use divide::{MAX_LEVELS, PLANES_ABOVE};
 pub use forest::WideForest;

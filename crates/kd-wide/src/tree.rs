@@ -68,7 +68,7 @@ impl WideTree {
     ) -> Result<Self, Cancelled> {
         let tracker = Tracker::new(progress);
         let tree = Self::built(mesh, division, Work::new(is_parallel, &tracker));
-        tracker.check().map(|()| tree)
+        tracker.finish().map(|()| tree)
     }
 
     /// A tree that is good for nothing if the work was cancelled.
@@ -148,7 +148,7 @@ impl WideTree {
         let Items { with_area, without } = items_of_tree(tree, mesh);
         let (boxes, _) = boxes_of_tree(tree, mesh, with_area, planes_above, divide);
         let wide = Self::of_boxes(&boxes, Some(&without), mesh, &tree.bounds(), rest);
-        tracker.check().map(|()| wide)
+        tracker.finish().map(|()| wide)
     }
 
     /// [`build`](Self::build) by objects alone, on the calling thread.

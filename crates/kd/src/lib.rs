@@ -45,7 +45,7 @@
 //! # What rays traverse
 //!
 //! Rays traverse a *layout*. By default that is [`Layout::Wide`]: nodes of eight children with boxes. Triangles are divided as
-//! objects, and by planes in cells of more than 1024 triangles where boxes of objects overlap, as in rooms. [`Layout::Binary`] holds
+//! objects, and by planes in cells of more than 1024 triangles where boxes of objects overlap. [`Layout::Binary`] holds
 //! exactly the nodes of the kd-tree. [`layout`] states which layout each preset, method and strategy makes, and why.
 //!
 //! # Rays

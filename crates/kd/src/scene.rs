@@ -224,8 +224,8 @@ impl Scene {
     ///
     /// [`SceneError::NoSuchPart`].
     pub fn remove(&mut self, part: PartId) -> Result<(), SceneError> {
-        self.part(part)?;
-        self.parts.remove(part);
+        let place = self.place(part)?;
+        self.parts.remove(place);
         Ok(())
     }
 
@@ -319,18 +319,11 @@ impl Scene {
     }
 
     fn part(&self, part: PartId) -> Result<&Part, SceneError> {
-        let found = self.parts.get(part);
-        found
-            .filter(|_| part.scene() == self.number)
-            .ok_or(SceneError::NoSuchPart { part })
+        self.place(part).map(|place| self.parts.at(place))
     }
 
     fn part_mut(&mut self, part: PartId) -> Result<&mut Part, SceneError> {
-        let is_own = part.scene() == self.number;
-        let found = self.parts.get_mut(part);
-        found
-            .filter(|_| is_own)
-            .ok_or(SceneError::NoSuchPart { part })
+        self.place(part).map(|place| self.parts.at_mut(place))
     }
 }
 

@@ -30,6 +30,37 @@ fn check(tree: &KdTree, mesh: &Mesh, rays: &[Ray], what: &str) {
     }
 }
 
+/// The extent overflows in f32, and times the flat side it is no number.
+#[test]
+fn flat_triangles_at_both_ends_of_f32_are_built() {
+    for count in [2, 9, 40, 3000_u16] {
+        let corners = (0..count).flat_map(|number| {
+            let x = if number % 2 == 0 { 3e38 } else { -3e38 };
+            let y = f32::from(number);
+            [[x, y, 0.0], [x, y + 0.5, 0.0], [0.9 * x, y, 0.0]]
+        });
+        let triangles = (0..u32::from(count)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+        let mesh = Mesh::new(corners.collect(), triangles.collect()).expect("finite");
+        let mesh = Arc::new(mesh);
+        let down = |x: f32, y: f32| Ray::new([x, y, 1.0], [0.0, 0.0, -1.0]);
+        let rays = [
+            down(2.9e38, 0.1),
+            down(-2.9e38, 1.1),
+            down(0.0, 0.0),
+            down(2.9e38, 8.1),
+        ];
+        for options in presets() {
+            let tree = KdTree::build(Arc::clone(&mesh), &options).expect("valid options");
+            check(
+                &tree,
+                &mesh,
+                &rays,
+                &format!("{count}, {:?}", options.wide_nodes()),
+            );
+        }
+    }
+}
+
 /// Large enough for planes, which take cells of more than 1024 triangles.
 #[test]
 fn presets_answer_and_keep_to_their_limits() {

@@ -187,6 +187,36 @@ fn a_build_is_cancelled_wherever_it_is() {
     }
 }
 
+/// There is little to do, or nothing.
+#[test]
+fn the_progress_of_any_build_ends_at_one() {
+    let line = |count: u16| {
+        let corners = (0..3 * count).map(|x| [f32::from(x), 0.0, 0.0]).collect();
+        let triangles = (0..u32::from(count)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+        Mesh::new(corners, triangles.collect()).expect("finite")
+    };
+    for count in [0, 1, 100] {
+        for options in all_options() {
+            let last = Mutex::new(0.0_f32);
+            let record = |done: f32| {
+                let mut last = last.lock().expect("no panic");
+                *last = last.max(done);
+                ControlFlow::Continue(())
+            };
+            KdTree::build_with_progress(line(count), &options, &record).expect("not cancelled");
+            let last = *last.lock().expect("no panic");
+            assert_eq!(last, 1.0, "{count} triangles of no area, {options:?}");
+            let stop = |_: f32| ControlFlow::Break(());
+            let stopped = KdTree::build_with_progress(line(count), &options, &stop);
+            assert_eq!(
+                stopped.err(),
+                Some(BuildError::Cancelled),
+                "{count}, {options:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn wide_nodes_keep_to_the_limit_of_references() {
     let triangles = mesh().len();

@@ -135,8 +135,8 @@ impl OfBins {
 }
 
 impl Allowance {
-    /// Planes may cut one for this many items of the root. (In rooms they cut an eighth or less. The limit is for meshes where planes
-    /// would cut each item often, for nothing: overlapping triangles in one plane, needles.)
+    /// Planes may cut one for this many items of the root. The limit is for meshes where planes would cut each item often, for nothing:
+    /// overlapping triangles in one plane, needles.
     const ITEMS_OF_A_CUT: usize = 2;
 
     /// The allowance of a root with this many items, of which `most_items` may be in leaves.

@@ -29,19 +29,16 @@ impl Parts {
         self.all.push(part);
     }
 
-    /// Removes a part; false if there is none.
-    pub(super) fn remove(&mut self, id: PartId) -> bool {
-        let Some(place) = self.place(id) else {
-            return false;
-        };
-        self.all[place].is_removed = true;
-        self.triangles -= self.all[place].mesh.len();
+    /// Removes the part at an index.
+    pub(super) fn remove(&mut self, place: usize) {
+        let part = &mut self.all[place];
+        part.is_removed = true;
+        self.triangles -= part.mesh.len();
         self.removed += 1;
         // Half of the parts pay for moving the others.
         if 2 * self.removed > self.all.len() {
             self.settle();
         }
-        true
     }
 
     /// Drops what was removed.
@@ -58,12 +55,14 @@ impl Parts {
         (!self.all[place].is_removed).then_some(place)
     }
 
-    pub(super) fn get(&self, id: PartId) -> Option<&Part> {
-        self.place(id).map(|place| &self.all[place])
+    /// The part at an index, settled or not.
+    pub(super) fn at(&self, place: usize) -> &Part {
+        &self.all[place]
     }
 
-    pub(super) fn get_mut(&mut self, id: PartId) -> Option<&mut Part> {
-        self.place(id).map(|place| &mut self.all[place])
+    /// The part at an index, settled or not.
+    pub(super) fn at_mut(&mut self, place: usize) -> &mut Part {
+        &mut self.all[place]
     }
 
     /// All parts, settled or not.

@@ -46,7 +46,10 @@ impl<'a> Emitter<'a> {
             return self.add_halves(self.items_of(number), depth);
         }
         let [a, b] = group.members.map(|member| member as usize);
-        let (axis, is_second_lower) = apart(&self.bounds(a), &self.bounds(b));
+        let (axis, is_second_lower) = apart(
+            &self.clusters.bounds(a, self.items),
+            &self.clusters.bounds(b, self.items),
+        );
         let [lower, upper] = if is_second_lower { [b, a] } else { [a, b] };
         let bounds = group.bounds.aabb();
         let place = self.output.nodes.len();
@@ -81,11 +84,6 @@ impl<'a> Emitter<'a> {
         driver.add(&mut items, &around, first, depth, &mut self.output);
         self.triangles
             .extend(items.iter().map(|item| item.number()));
-    }
-
-    fn bounds(&self, number: usize) -> Bounds {
-        let group = self.clusters.group(number);
-        group.map_or_else(|| Bounds::of(&self.items[number]), |group| group.bounds)
     }
 
     /// The items of a group. Iterative: a group may be as deep as its number of triangles.
