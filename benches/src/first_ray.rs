@@ -7,7 +7,8 @@ mod parts;
 use std::sync::Arc;
 
 use clap::Args;
-use kd::KdTree;
+use kd::glam::Vec3;
+use kd::{Aabb, KdTree, Ray};
 
 use crate::builds::{PRESETS, growth};
 use crate::environment::Environment;
@@ -83,4 +84,18 @@ fn note_bytes(session: &mut Session<'_>, scene: &Scene) -> anyhow::Result<()> {
         session.add(cell);
     }
     Ok(())
+}
+
+/// Rays between points in a box.
+fn rays_through(bounds: &Aabb, count: usize) -> Vec<Ray> {
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut point = || {
+        let at = Vec3::new(rng.f32(), rng.f32(), rng.f32());
+        bounds.min + at * (bounds.max - bounds.min)
+    };
+    let mut ray = || {
+        let (from, to) = (point(), point());
+        Ray::new(from, to - from)
+    };
+    (0..count).map(|_| ray()).collect()
 }

@@ -3,10 +3,10 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use kd::glam::Vec3;
-use kd::{BuildOptions, KdTree, Mesh, Ray};
+use kd::{BuildOptions, KdTree, Mesh};
 use kd_scene::Hostile;
 
+use super::rays_through;
 use crate::arguments::name_of;
 use crate::builds::PRESETS;
 use crate::environment::Environment;
@@ -32,7 +32,7 @@ pub(super) fn measure(
         eprintln!("{hostile}");
         let mesh = Arc::new(hostile.generate(triangles)?);
         let mut session = Session::new(environment, hostile.name(), mesh.len(), samples);
-        let rays = rays_through(&mesh, rays);
+        let rays = rays_through(&mesh.bounds(), rays);
         let fast = KdTree::build(Arc::clone(&mesh), &options(BuilderName::Fast))?;
         for preset in PRESETS {
             let [own, over] =
@@ -59,19 +59,4 @@ pub(super) fn measure(
 
 fn options(preset: BuilderName) -> BuildOptions {
     preset.options().expect("a preset").with_threads(1)
-}
-
-/// Rays between points in the box of a mesh.
-fn rays_through(mesh: &Mesh, count: usize) -> Vec<Ray> {
-    let bounds = mesh.bounds();
-    let mut rng = fastrand::Rng::with_seed(3);
-    let mut point = || {
-        let at = Vec3::new(rng.f32(), rng.f32(), rng.f32());
-        bounds.min + at * (bounds.max - bounds.min)
-    };
-    let mut ray = || {
-        let (from, to) = (point(), point());
-        Ray::new(from, to - from)
-    };
-    (0..count).map(|_| ray()).collect()
 }

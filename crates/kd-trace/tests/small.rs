@@ -69,7 +69,7 @@ fn joined(mesh: &Mesh) -> WideForest {
     forest.refit(1, &part(1), first(1));
     let mut other = WideForest::new();
     other.push_copy(&forest, 2);
-    forest.truncate(2);
+    forest.remove(2);
     forest.push_copy(&other, 0);
     forest.join(Join::default());
     forest

@@ -8,29 +8,38 @@
 use crate::block::Block;
 use crate::node::{Child, WideNode};
 
-mod members;
-mod refit;
+mod paged;
 
-pub use refit::Refit;
+pub(crate) use paged::{Paged, State};
 
-pub(crate) use members::Member;
-
-/// All nodes and blocks of a tree. Invariant: the root, and every child of a node, is an index into these nodes or a range of
-/// these blocks.
+/// All nodes and blocks of a tree. Invariant: the root, and every child of a node that rays reach from it, is an index into these nodes
+/// or a range of these blocks.
 ///
-/// ```text
-/// nodes    member 0 | member 1 | … | top        blocks   member 0 | member 1 | …
-/// ```
-/// The children of a member's nodes are in the same member. The top joins the members. A tree that was not joined is all top.
+/// A forest changes nodes and blocks only while the root is [`Child::NOTHING`].
 #[derive(Clone, Debug)]
 pub(crate) struct Arrays {
-    nodes: Vec<WideNode>,
-    blocks: Vec<Block>,
+    pub(crate) nodes: Paged<WideNode>,
+    pub(crate) blocks: Paged<Block>,
     root: Child,
-    members: Vec<Member>,
+    /// Whether they are those of a forest.
+    has_members: bool,
 }
 
 impl Arrays {
+    /// Those of a forest without members.
+    pub(crate) const fn of_forest() -> Self {
+        Self {
+            nodes: Paged::new(),
+            blocks: Paged::new(),
+            root: Child::NOTHING,
+            has_members: true,
+        }
+    }
+
+    pub(crate) fn has_members(&self) -> bool {
+        self.has_members
+    }
+
     /// # Panics
     ///
     /// If a child is not among the nodes and blocks.
@@ -42,11 +51,41 @@ impl Arrays {
             "every child is a node or blocks of the same tree"
         );
         Self {
-            nodes,
-            blocks,
+            nodes: Paged::of(nodes),
+            blocks: Paged::of(blocks),
             root,
-            members: Vec::new(),
+            has_members: false,
         }
+    }
+
+    /// Rays hit nothing until there is another root.
+    pub(crate) fn clear_root(&mut self) {
+        self.root = Child::NOTHING;
+    }
+
+    /// Lets rays begin at `root`, which reaches no child that [`has`](Self::has) would refuse.
+    ///
+    /// # Panics
+    ///
+    /// If the root is not among the nodes and blocks.
+    pub(crate) fn set_root(&mut self, root: Child) {
+        assert!(
+            self.has(root),
+            "every child is a node or blocks of the same tree"
+        );
+        self.root = root;
+    }
+
+    /// Whether a child is among the nodes and blocks.
+    pub(crate) fn has(&self, child: Child) -> bool {
+        child.is_within(self.nodes.len(), self.blocks.len())
+    }
+
+    /// Makes these arrays, which were equal to `with` in the state `since`, equal to `with` again.
+    pub(crate) fn catch_up(&mut self, with: &Self, since: State) {
+        self.nodes.catch_up(&with.nodes, since);
+        self.blocks.catch_up(&with.blocks, since);
+        self.root = with.root;
     }
 
     #[inline(always)]

@@ -1,12 +1,26 @@
 //! A forest: several wide trees in the same arrays, and the nodes that join them.
 
-use kd_core::Mesh;
+mod history;
+mod join;
+mod members;
+mod refit;
+mod room;
+mod top;
+
+use kd_core::{Aabb, Mesh};
 use kd_simd::Level;
 
-use crate::arrays::{Arrays, Refit};
+pub use join::{Join, Joined};
+pub use refit::Refit;
+
+use crate::arrays::{Arrays, State};
+use crate::box_tree::to_u32;
 use crate::frame::Frame;
-use crate::join::{Join, Joined, join};
+use crate::node::Child;
 use crate::tree::WideTree;
+use history::History;
+use members::{Member, Members};
+use top::{Edits, Linked, Top};
 
 /// Several trees that are traced as one [`WideTree`]: its *members*, numbered from 0.
 ///
@@ -41,6 +55,11 @@ use crate::tree::WideTree;
 #[derive(Clone, Debug)]
 pub struct WideForest {
     tree: WideTree,
+    members: Members,
+    /// Over the members as they were before `edits`. Kept only where it will be repaired.
+    top: Option<Top>,
+    edits: Edits,
+    history: History,
 }
 
 impl WideForest {
@@ -48,16 +67,20 @@ impl WideForest {
     pub fn new() -> Self {
         Self {
             tree: WideTree {
-                arrays: Arrays::empty(),
-                frame: Frame::new(&kd_core::Aabb::EMPTY),
+                arrays: Arrays::of_forest(),
+                frame: Frame::new(&Aabb::EMPTY),
                 level: Level::detect(),
             },
+            members: Members::new(),
+            top: None,
+            edits: Edits::new(),
+            history: History::new(),
         }
     }
 
     /// The number of members.
     pub fn len(&self) -> usize {
-        self.tree.arrays.members().len()
+        self.members.count()
     }
 
     /// Whether the forest has no members.
@@ -65,44 +88,72 @@ impl WideForest {
         self.len() == 0
     }
 
-    /// Adds a copy of `tree` as the last member, with `first_slot` added to the numbers of its triangles, modulo 2³².
+    /// Adds a copy of `tree` as a member, with `first_slot` added to the numbers of its triangles, modulo 2³². Returns the number of
+    /// the member: that of the member that was removed last and whose number is free, or the next one.
     ///
     /// Linear in the size of the member.
     ///
     /// # Panics
     ///
     /// If `tree` is that of a forest.
-    pub fn push(&mut self, tree: &WideTree, first_slot: u32) {
-        let member = tree.arrays.as_member();
-        self.tree
-            .arrays
-            .push_member(&tree.arrays, &member, first_slot);
+    pub fn push(&mut self, tree: &WideTree, first_slot: u32) -> usize {
+        let member = Member::all_of(&tree.arrays);
+        let at = self.edit();
+        let number =
+            self.members
+                .push(&mut self.tree.arrays, &tree.arrays, &member, first_slot, at);
+        self.note_new(number)
     }
 
-    /// Adds a copy of a member of another forest as the last member. Linear in the size of the member.
+    /// Makes memory for members that [`push`](Self::push) will copy from these trees. It then does not have to grow several times.
+    pub fn reserve<'t>(&mut self, trees: impl Iterator<Item = &'t WideTree> + Clone) {
+        let arrays = &mut self.tree.arrays;
+        arrays
+            .nodes
+            .reserve(trees.clone().map(|tree| tree.nodes().len()).sum());
+        arrays
+            .blocks
+            .reserve(trees.map(|tree| tree.blocks().len()).sum());
+    }
+
+    /// Adds a copy of a member of another forest, as [`push`](Self::push) does.
     ///
     /// # Panics
     ///
     /// If there is no such member.
-    pub fn push_copy(&mut self, from: &Self, number: usize) {
-        let from = &from.tree.arrays;
-        self.tree
-            .arrays
-            .push_member(from, &from.members()[number], 0);
+    pub fn push_copy(&mut self, from: &Self, number: usize) -> usize {
+        let member = from.members.all()[number];
+        let at = self.edit();
+        let arrays = &mut self.tree.arrays;
+        let number = self.members.push(arrays, &from.tree.arrays, &member, 0, at);
+        self.note_new(number)
     }
 
-    /// Adds a copy of a member of this forest as the last member. Linear in the size of the member.
+    /// Adds a copy of a member of this forest, as [`push`](Self::push) does.
     ///
     /// # Panics
     ///
     /// If there is no such member.
-    pub fn push_again(&mut self, number: usize) {
-        self.tree.arrays.push_again(number);
+    pub fn push_again(&mut self, number: usize) -> usize {
+        let at = self.edit();
+        let arrays = &mut self.tree.arrays;
+        let number = self.members.push_again(arrays, number, at);
+        self.note_new(number)
     }
 
-    /// Removes the members from a number on.
-    pub fn truncate(&mut self, members: usize) {
-        self.tree.arrays.truncate_members(members);
+    /// Removes a member. The others keep their numbers.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such member.
+    pub fn remove(&mut self, number: usize) {
+        let at = self.edit();
+        self.note(number);
+        self.members.remove(number, at);
+        // The nodes of a top that is kept refer to the member until they are repaired.
+        if self.top.is_none() {
+            self.members.trim(&mut self.tree.arrays);
+        }
     }
 
     /// Adds to the slots of all triangles of a member, modulo 2³². Linear in the size of the member.
@@ -111,7 +162,9 @@ impl WideForest {
     ///
     /// If there is no such member.
     pub fn add_to_slots(&mut self, number: usize, slots: u32) {
-        self.tree.arrays.add_to_slots(number, slots);
+        let at = self.edit();
+        self.members
+            .add_to_slots(&mut self.tree.arrays, number, slots, at);
     }
 
     /// Moves the triangles of a member to their positions in `mesh`, which has as many as the member was made from. The nodes
@@ -132,14 +185,19 @@ impl WideForest {
         self.refit_all(&[refit], false);
     }
 
-    /// [`refit`](Self::refit) for several members, in ascending order of their numbers. Parallel: on the threads of the pool in
-    /// scope (rayon's), a task for each member, with the same result.
+    /// [`refit`](Self::refit) for several members. Parallel: on the threads of the pool in scope (rayon's), a task for each member, with
+    /// the same result.
     ///
     /// # Panics
     ///
-    /// If there is no such member, if a mesh has fewer triangles, or if the numbers do not ascend.
+    /// If there is no such member, if a mesh has fewer triangles, or if a member is refitted twice.
     pub fn refit_all(&mut self, refits: &[Refit<'_>], is_parallel: bool) {
-        self.tree.arrays.refit_members(refits, is_parallel);
+        let at = self.edit();
+        for refit in refits {
+            self.note(refit.number);
+        }
+        let arrays = &mut self.tree.arrays;
+        refit::refit(arrays, self.members.all(), refits, is_parallel, at);
     }
 
     /// The SAH cost of a member: the half areas of the boxes of all nodes and leaves below its root, in squared scene units, each
@@ -152,16 +210,56 @@ impl WideForest {
     ///
     /// If there is no such member.
     pub fn cost(&self, number: usize) -> f64 {
-        self.tree.arrays.cost_of_member(number)
+        refit::cost(&self.tree.arrays, &self.members.all()[number])
     }
 
     /// Joins the members, so that rays hit all of them. After any change of members, rays hit nothing until the next join.
     ///
-    /// Members that do not overlap cost time by their number alone.
+    /// From a thousand members on, a join after few changes repairs the nodes of the one before: its time grows with the number of
+    /// changed members and the logarithm of that of all. Once so many members have changed as there are, or once the SAH cost of these
+    /// nodes has grown by a twentieth, all members are joined again. Members that do not overlap then cost time by their number alone.
     pub fn join(&mut self, options: Join) -> Joined {
-        let (joined, bounds) = join(&mut self.tree.arrays, options);
+        let at = self.edit();
+        let top = match self.repaired(options, at) {
+            Some(top) => top,
+            None => {
+                self.drop_top();
+                let arrays = &mut self.tree.arrays;
+                let is_kept = Top::is_kept(&self.members);
+                if self.members.have_room() && (!is_kept || self.members.are_scattered(arrays)) {
+                    self.members.move_together(arrays, at);
+                }
+                Top::new(arrays, &self.members, options, at)
+            }
+        };
+        self.edits.clear();
+        self.history.complete();
+        let arrays = &mut self.tree.arrays;
+        arrays.set_root(top.root());
+        let bounds = match top.root() {
+            Child::NOTHING => Aabb::EMPTY,
+            root => arrays.nodes()[root.index()].around(),
+        };
         self.tree.frame = Frame::new(&bounds);
+        let joined = top.joined();
+        self.top = Some(top);
         joined
+    }
+
+    /// Makes this forest equal to `with`. Copies only what has changed, if this is a copy of `with` as it was after one of its last 64
+    /// joins.
+    pub fn catch_up(&mut self, with: &Self) {
+        let Some(since) = self.history.is_part_of(&with.history) else {
+            self.clone_from(with);
+            return;
+        };
+        self.tree.arrays.catch_up(&with.tree.arrays, since);
+        self.tree.frame = with.tree.frame;
+        self.tree.level = with.tree.level;
+        self.members.catch_up(&with.members, since);
+        self.top.clone_from(&with.top);
+        self.edits.clone_from(&with.edits);
+        self.history.clone_from(&with.history);
     }
 
     /// The joined members, for rays.
@@ -174,7 +272,69 @@ impl WideForest {
     pub fn with_level(self, level: Level) -> Self {
         Self {
             tree: self.tree.with_level(level),
+            ..self
         }
+    }
+
+    /// Begins a change.
+    fn edit(&mut self) -> State {
+        self.tree.arrays.clear_root();
+        if !Top::is_kept(&self.members) {
+            self.drop_top();
+        }
+        self.history.edit()
+    }
+
+    /// Notes that a member is about to change, for the next repair.
+    fn note(&mut self, number: usize) {
+        if self.top.is_none() {
+            return;
+        }
+        let member = self.members.all()[number];
+        let linked = (member.root() != Child::NOTHING).then(|| Linked {
+            member,
+            bounds: self.tree.arrays.nodes()[member.root().index()].around(),
+        });
+        let linked = linked.filter(|linked| !linked.bounds.is_empty());
+        self.edits.entry(to_u32(number)).or_insert(linked);
+        self.drop_top_of_many_edits();
+    }
+
+    /// Notes a new member.
+    fn note_new(&mut self, number: usize) -> usize {
+        if self.top.is_some() {
+            self.edits.entry(to_u32(number)).or_insert(None);
+            self.drop_top_of_many_edits();
+        }
+        number
+    }
+
+    fn drop_top_of_many_edits(&mut self) {
+        if !Top::can_repair(&self.edits, &self.members) {
+            self.drop_top();
+        }
+    }
+
+    fn drop_top(&mut self) {
+        self.edits.clear();
+        if let Some(top) = self.top.take() {
+            self.members.give_nodes(top.nodes());
+        }
+        self.members.trim(&mut self.tree.arrays);
+    }
+
+    /// The top after a repair; `None` where all members must be joined.
+    fn repaired(&mut self, options: Join, at: State) -> Option<Top> {
+        let arrays = &mut self.tree.arrays;
+        if self.members.are_scattered(arrays) {
+            return None;
+        }
+        let mut top = self.top.take()?;
+        if top.repair(arrays, &self.members, &self.edits, options, at) {
+            return Some(top);
+        }
+        self.top = Some(top);
+        None
     }
 }
 
@@ -231,12 +391,11 @@ mod tests {
         let ((joined, alone), (same, together)) = (made(false), made(true));
         assert!(joined.opened > 0 && joined.links > 1000, "{joined:?}");
         assert_eq!(joined, same, "the same work");
-        let [alone, together] = [alone, together].map(|forest| format!("{:?}", forest.tree.arrays));
-        assert!(alone == together, "byte by byte");
+        assert!(alone.tree == together.tree, "byte by byte");
     }
 
     #[test]
-    #[should_panic(expected = "the numbers of members ascend")]
+    #[should_panic(expected = "each member is refitted once")]
     fn a_part_is_refitted_once() {
         let (mut forest, moved) = forest_of_many(2);
         let refit = Refit {

@@ -54,8 +54,9 @@
 //!
 //! # Safety
 //!
-//! Traversal follows child indices without checks. Each tree checks all of them once, when its arrays are put together, and
-//! no public function changes them afterwards. [`WideTree::node`] and [`WideTree::leaf`] are `unsafe fn`: their callers pass
+//! Traversal follows child indices without checks. Each tree checks all of them once, when its arrays are put together. A forest
+//! changes its arrays only while rays hit nothing, checks each child that it writes, and keeps the nodes and blocks of removed members
+//! until no node refers to them. [`WideTree::node`] and [`WideTree::leaf`] are `unsafe fn`: their callers pass
 //! only the root or a child that they read from a node of the same tree.
 //!
 //! # Threads
@@ -78,7 +79,6 @@ mod emit;
 mod forest;
 mod frame;
 mod items;
-mod join;
 mod large_pages;
 mod linked;
 mod morton;
@@ -90,15 +90,13 @@ mod stats;
 mod tree;
 mod work;
 
-pub use arrays::Refit;
 pub use binary::{BinaryNode, BinaryTree};
 pub use block::{Block, LaneCorners};
 pub use bottom_up::clusters;
 pub use box_tree::Item;
 pub use divide::{MAX_LEVELS, PLANES_ABOVE};
-pub use forest::WideForest;
+pub use forest::{Join, Joined, Refit, WideForest};
 pub use frame::{Frame, MOST_USUAL, PER_REACH};
-pub use join::{Join, Joined};
 pub use morton::in_morton_order;
 pub use node::{Child, WIDTH, WideNode};
 pub use object_split::ObjectSplit;

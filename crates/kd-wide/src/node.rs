@@ -172,6 +172,12 @@ impl WideNode {
         }
     }
 
+    /// The box around all children; empty without any.
+    pub(crate) fn around(&self) -> Aabb {
+        let boxes = self.lanes().map(|lane| self.bounds(lane));
+        boxes.fold(Aabb::EMPTY, |around, bounds| around.union(&bounds))
+    }
+
     /// The lanes that have a child.
     pub fn lanes(&self) -> impl Iterator<Item = usize> + '_ {
         (0..WIDTH).filter(|lane| self.children[*lane] != Child::NOTHING)

@@ -2,11 +2,12 @@
 
 mod apply;
 mod error;
+mod forests;
 mod frame;
+mod frame_parts;
 mod merged;
 mod moving;
 mod part;
-mod part_group;
 mod parts;
 mod plan;
 mod report;
@@ -72,8 +73,9 @@ use parts::Parts;
 /// frame.occluded(&Ray::new([0.0; 3], [0.0, 0.0, 1.0]));
 /// ```
 ///
-/// A [`snapshot`](Self::snapshot) is owned: it can be traced, also on other threads, while the next frame is made. The scene
-/// then keeps the memory of two frames, and reuses that of a frame without snapshots for the next one.
+/// A [`snapshot`](Self::snapshot) is owned: it can be traced, also on other threads, while the next frame is made. The first commit
+/// with a snapshot of the frame before copies that frame. The scene keeps up to three earlier frames, and makes the next one in the memory
+/// of one that no longer has snapshots, where it copies only what has changed since.
 #[derive(Debug)]
 pub struct Scene {
     options: BuildOptions,
@@ -85,11 +87,13 @@ pub struct Scene {
     number: SceneNumber,
     /// The first slot of the next part.
     next_slot: u32,
-    /// Number of commits: identifies what each of them built or moved.
+    /// Whether the slots of all parts were numbered again since the last commit.
+    has_new_slots: bool,
+    /// Number of commits: identifies what each of them moved.
     commits: u64,
     front: Arc<FrameData>,
-    /// The frame before, which may still be traced.
-    back: Option<Arc<FrameData>>,
+    /// Earlier frames, the last one first. Some may still be traced.
+    spares: Vec<Arc<FrameData>>,
     /// The kd-trees of parts that are not static, in the order of their ids, for strategies that merge kd-trees.
     moving_trees: Vec<MovingTree>,
 }
@@ -112,7 +116,8 @@ impl Scene {
             next_slot: 0,
             commits: 0,
             front: Arc::default(),
-            back: None,
+            spares: Vec::new(),
+            has_new_slots: false,
             moving_trees: Vec::new(),
         }
     }
@@ -166,8 +171,8 @@ impl Scene {
             return Err(SceneError::NotFinite { part: of });
         }
         let instance = self.add(Role::Instance(original), mesh, transform)?;
-        if let Ok(original) = self.part_mut(original) {
-            original.has_instances = true;
+        if let Ok(original) = self.place(original) {
+            self.parts.at_mut(original).has_instances = true;
         }
         Ok(instance)
     }
@@ -183,16 +188,21 @@ impl Scene {
         part: PartId,
         positions: &[[f32; 3]],
     ) -> Result<(), SceneError> {
-        let changed = self.part_mut(part)?;
+        let place = self.place(part)?;
+        let changed = self.parts.at(place);
         let mesh = changed.mesh.with_positions(positions.to_vec());
         let mesh = Arc::new(mesh.map_err(|error| SceneError::Mesh { part, error })?);
-        changed.set_mesh(&mesh);
+        let mut places = vec![place];
         if changed.has_instances {
-            for other in self.parts.all_mut() {
-                if other.role == Role::Instance(part) {
-                    other.set_mesh(&mesh);
-                }
-            }
+            places.extend(
+                self.parts
+                    .places()
+                    .into_iter()
+                    .filter(|place| self.parts.at(*place).role == Role::Instance(part)),
+            );
+        }
+        for place in places {
+            self.parts.change(place).mesh = Arc::clone(&mesh);
         }
         Ok(())
     }
@@ -209,12 +219,11 @@ impl Scene {
         transform: impl Into<Affine3A>,
     ) -> Result<(), SceneError> {
         let transform = transform.into();
-        let changed = self.part_mut(part)?;
+        let place = self.place(part)?;
         if !transform.is_finite() {
             return Err(SceneError::NotFinite { part });
         }
-        changed.transform = transform;
-        changed.is_changed = true;
+        self.parts.change(place).transform = transform;
         Ok(())
     }
 
@@ -254,7 +263,6 @@ impl Scene {
     /// [`CommitError`] names the part. The frame before and the parts remain unchanged: correct or remove the part, and commit
     /// again.
     pub fn commit(&mut self) -> Result<CommitReport, CommitError> {
-        self.parts.settle();
         let plan = self.plan()?;
         Ok(self.apply(plan))
     }
@@ -296,6 +304,7 @@ impl Scene {
         let triangles = u32::try_from(triangles).expect("30 bits count triangles");
         if self.next_slot.checked_add(triangles).is_none() {
             self.next_slot = 0;
+            self.has_new_slots = true;
             for part in self.parts.all_mut() {
                 part.first_slot = self.next_slot;
                 self.next_slot += count(&part.mesh);
@@ -320,10 +329,6 @@ impl Scene {
 
     fn part(&self, part: PartId) -> Result<&Part, SceneError> {
         self.place(part).map(|place| self.parts.at(place))
-    }
-
-    fn part_mut(&mut self, part: PartId) -> Result<&mut Part, SceneError> {
-        self.place(part).map(|place| self.parts.at_mut(place))
     }
 }
 

@@ -4,11 +4,11 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use kd_core::{Aabb, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
-use kd_trace::{RayQuery, WideTree, delegate_ray_query};
+use kd_trace::{RayQuery, WideForest, WideTree, delegate_ray_query};
 
 use super::PartId;
+use super::frame_parts::FrameParts;
 use super::merged::MergedTrees;
-use super::part_group::PartGroup;
 use crate::layout::{TreeLayout, TreeLayoutRef};
 
 /// All parts of a [`Scene`](crate::Scene) as they were at its last commit. It borrows the scene, and dereferences to
@@ -41,71 +41,44 @@ impl Deref for Frame<'_> {
 ///
 /// Every query returns what a test of all triangles of all parts returns, to the bit; among equal distances the lower part, then
 /// the lower triangle, wins. A hit's triangle is a number in the part's own mesh.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FrameData {
     pub(super) shape: Shape,
-    /// In the order of their ids, and so of their slots.
-    pub(super) parts: Vec<FramePart>,
-    pub(super) bounds: Aabb,
+    pub(super) parts: FrameParts,
 }
 
 /// What rays traverse.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
-    /// Wide nodes of parts, one group after the other.
-    PartGroups(Vec<PartGroup>),
+    /// Wide nodes of parts, one forest after the other.
+    Forests(Vec<WideForest>),
     /// One tree over the triangles of all parts.
     Whole(Box<TreeLayout>),
     /// One kd-tree, merged from those of the parts.
     Merged(Box<MergedTrees>),
 }
 
-/// A part of a frame.
-#[derive(Clone, Debug)]
-pub(super) struct FramePart {
-    pub(super) id: PartId,
-    /// Its first slot.
-    pub(super) first: u32,
-    pub(super) mesh: Arc<Mesh>,
-}
-
 impl Default for Shape {
     fn default() -> Self {
-        Self::PartGroups(Vec::new())
-    }
-}
-
-/// A frame without parts.
-impl Default for FrameData {
-    fn default() -> Self {
-        Self {
-            shape: Shape::default(),
-            parts: Vec::new(),
-            bounds: Aabb::EMPTY,
-        }
+        Self::Forests(Vec::new())
     }
 }
 
 impl FrameData {
     /// The parts, in the order in which they were added to the scene.
     pub fn parts(&self) -> impl ExactSizeIterator<Item = PartId> + '_ {
-        self.parts.iter().map(|part| part.id)
+        self.parts.ids()
     }
 
     /// A part's mesh, transformed as in this frame: for corners and normals of hits. `None` for a part that is not in the frame, and
     /// for an id of another scene.
     pub fn mesh(&self, part: PartId) -> Option<&Arc<Mesh>> {
-        let place = self
-            .parts
-            .binary_search_by_key(&part, |part| part.id)
-            .ok()?;
-        let found = &self.parts[place];
-        (found.id.scene() == part.scene()).then_some(&found.mesh)
+        self.parts.mesh(part)
     }
 
     /// The bounding box of all triangles; [`Aabb::EMPTY`] without any.
     pub fn bounds(&self) -> Aabb {
-        self.bounds
+        self.parts.bounds()
     }
 
     /// Bytes of the frame's layout.
@@ -116,7 +89,7 @@ impl FrameData {
     /// Which layout rays traverse; [`kd::layout`](crate::layout) says why.
     pub fn layout(&self) -> Layout {
         match &self.shape {
-            Shape::PartGroups(_) => Layout::Wide,
+            Shape::Forests(_) => Layout::Wide,
             Shape::Whole(layout) => layout.layout(),
             Shape::Merged(_) => Layout::Binary,
         }
@@ -249,7 +222,7 @@ impl FrameData {
     #[inline]
     fn only_tree(&self) -> Option<&WideTree> {
         match &self.shape {
-            Shape::PartGroups(groups) if groups.len() == 1 => Some(groups[0].forest.tree()),
+            Shape::Forests(forests) if forests.len() == 1 => Some(forests[0].tree()),
             _ => None,
         }
     }
@@ -257,27 +230,36 @@ impl FrameData {
     /// The trees that rays traverse, one after the other.
     #[inline]
     fn trees(&self) -> impl Iterator<Item = TreeLayoutRef<'_>> {
-        let (groups, other): (&[PartGroup], _) = match &self.shape {
-            Shape::PartGroups(groups) => (groups, None),
+        let (forests, other): (&[WideForest], _) = match &self.shape {
+            Shape::Forests(forests) => (forests, None),
             Shape::Whole(layout) => (&[], Some(layout.borrowed())),
             Shape::Merged(trees) => (&[], Some(TreeLayoutRef::Binary(trees.packed().tree()))),
         };
-        let groups = groups
+        let forests = forests
             .iter()
-            .map(|group| TreeLayoutRef::Wide(group.forest.tree()));
-        groups.chain(other)
+            .map(|forest| TreeLayoutRef::Wide(forest.tree()));
+        forests.chain(other)
     }
 
     /// The part of a hit, and the hit with the triangle's number in that part.
     #[inline]
     fn of_part(&self, hit: Hit) -> (PartId, Hit) {
-        // Of parts with the same first slot only the last has triangles.
-        let after = self
-            .parts
-            .partition_point(|part| part.first <= hit.triangle);
-        let part = &self.parts[after - 1];
-        let triangle = hit.triangle - part.first;
-        (part.id, Hit { triangle, ..hit })
+        let (part, first_slot) = self.parts.of_slot(hit.triangle);
+        let triangle = hit.triangle - first_slot;
+        (part, Hit { triangle, ..hit })
+    }
+
+    /// Makes this frame equal to `with`. Copies only what has changed, if it is an earlier one of the same scene.
+    pub(super) fn catch_up(&mut self, with: &Self) {
+        match (&mut self.shape, &with.shape) {
+            (Shape::Forests(own), Shape::Forests(others)) if own.len() == others.len() => {
+                for (own, other) in own.iter_mut().zip(others) {
+                    own.catch_up(other);
+                }
+            }
+            (own, other) => own.clone_from(other),
+        }
+        self.parts.clone_from(&with.parts);
     }
 }
 

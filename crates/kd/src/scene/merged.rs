@@ -9,7 +9,7 @@ use kd_merge::{
 };
 use kd_trace::PackedArena;
 
-use super::part_group::PartVersion;
+use super::part::PartVersion;
 use super::strategy::MergeMethod;
 
 /// Trees in one arena: first those of the static parts, merged once, then the nodes of one frame.

@@ -7,8 +7,7 @@ use kd_core::{BoundsOnly, Mesh, Tree};
 use kd_merge::MergeError;
 use kd_sah::{BuildOptions, build};
 
-use super::part::Part;
-use super::part_group::PartVersion;
+use super::part::{Part, PartVersion};
 
 /// The kd-tree of a part, with a tree at rest that later frames can move.
 #[derive(Clone, Debug)]

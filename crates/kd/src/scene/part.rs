@@ -10,8 +10,6 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::Affine3A;
 use kd_core::Mesh;
 
-use super::part_group::PartVersion;
-
 /// The name of a part of a [`Scene`](crate::Scene). An id is never given to another part of the same scene, not even after the
 /// part was removed. Ids are ordered as their parts were added.
 ///
@@ -118,7 +116,28 @@ pub(super) enum Role {
     Instance(PartId),
 }
 
-/// A mesh, its transform, and the versions of its nodes.
+/// Where the triangles of a part are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PartVersion {
+    pub(super) part: PartId,
+    /// The commit that moved them there.
+    pub(super) moved: u64,
+    /// The slot of the first one.
+    pub(super) first_slot: u32,
+}
+
+/// The wide nodes of a part in the last frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PartNodes {
+    /// The forest that they are in.
+    pub(super) forest: usize,
+    /// Their number there.
+    pub(super) member: usize,
+    /// The slot of the first triangle.
+    pub(super) first_slot: u32,
+}
+
+/// A mesh, its transform, and its nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) id: PartId,
@@ -134,10 +153,10 @@ pub(super) struct Part {
     pub(super) is_removed: bool,
     /// The slot of its first triangle.
     pub(super) first_slot: u32,
-    /// The commit that built its nodes.
-    pub(super) built: u64,
     /// The commit that moved its triangles to where they are.
     pub(super) moved: u64,
+    /// `None` before the first commit, and after one whose frame has no wide nodes of parts.
+    pub(super) nodes: Option<PartNodes>,
     /// The SAH cost of its nodes when they were built ([`WideForest::cost`](kd_trace::WideForest::cost)), for a transform that
     /// scales no lengths.
     pub(super) cost: f64,
@@ -160,8 +179,8 @@ impl Part {
             is_changed: true,
             is_removed: false,
             first_slot,
-            built: 0,
             moved: 0,
+            nodes: None,
             cost: 0.0,
         }
     }
@@ -172,18 +191,11 @@ impl Part {
         volume.powf(2.0 / 3.0)
     }
 
-    /// Which nodes it has, and where its triangles are.
     pub(super) fn version(&self) -> PartVersion {
         PartVersion {
             part: self.id,
-            built: self.built,
             moved: self.moved,
             first_slot: self.first_slot,
         }
-    }
-
-    pub(super) fn set_mesh(&mut self, mesh: &Arc<Mesh>) {
-        self.mesh = Arc::clone(mesh);
-        self.is_changed = true;
     }
 }

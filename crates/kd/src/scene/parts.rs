@@ -1,31 +1,45 @@
-//! The parts of a scene: found by id, added and removed in constant time on average.
-
-use std::ops::{Deref, DerefMut};
+//! The parts of a scene, with what has changed since the last commit.
 
 use super::PartId;
-use super::part::Part;
+use super::part::{Part, PartNodes};
 
-/// Parts in the order of their ids.
+/// Parts in the order of their ids, added and removed in constant time on average.
 ///
-/// A removed part keeps its place until the parts are [settled](Self::settle), so that a removal moves no others. Settled parts are a
-/// slice.
+/// A removed part keeps its place until the parts are [settled](Self::settle), so that a removal moves no others.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     all: Vec<Part>,
     /// Those of `all` that are removed.
     removed: usize,
     triangles: usize,
+    /// Parts that have changed since the last commit; some may be removed since.
+    changed: Vec<PartId>,
+    /// Parts that were removed since the last commit.
+    gone: Vec<Gone>,
+}
+
+/// A part that is removed, and its nodes in the last frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gone {
+    pub(super) id: PartId,
+    pub(super) nodes: Option<PartNodes>,
 }
 
 impl Parts {
+    /// The number of parts.
+    pub(super) fn count(&self) -> usize {
+        self.all.len() - self.removed
+    }
+
     /// The number of triangles of all parts.
     pub(super) fn triangles(&self) -> usize {
         self.triangles
     }
 
-    /// Adds a part, whose id is above all others.
+    /// Adds a part, whose id is above all others. It has changed.
     pub(super) fn push(&mut self, part: Part) {
         self.triangles += part.mesh.len();
+        self.changed.push(part.id);
         self.all.push(part);
     }
 
@@ -35,6 +49,10 @@ impl Parts {
         part.is_removed = true;
         self.triangles -= part.mesh.len();
         self.removed += 1;
+        self.gone.push(Gone {
+            id: part.id,
+            nodes: part.nodes,
+        });
         // Half of the parts pay for moving the others.
         if 2 * self.removed > self.all.len() {
             self.settle();
@@ -55,40 +73,60 @@ impl Parts {
         (!self.all[place].is_removed).then_some(place)
     }
 
-    /// The part at an index, settled or not.
+    /// The part at an index.
     pub(super) fn at(&self, place: usize) -> &Part {
         &self.all[place]
     }
 
-    /// The part at an index, settled or not.
+    /// The part at an index, for a commit.
     pub(super) fn at_mut(&mut self, place: usize) -> &mut Part {
         &mut self.all[place]
     }
 
-    /// All parts, settled or not.
+    /// The part at an index, to be changed from the next commit on.
+    pub(super) fn change(&mut self, place: usize) -> &mut Part {
+        let part = &mut self.all[place];
+        if !part.is_changed {
+            part.is_changed = true;
+            self.changed.push(part.id);
+        }
+        part
+    }
+
+    /// All parts.
     pub(super) fn all(&self) -> impl Iterator<Item = &Part> {
         self.all.iter().filter(|part| !part.is_removed)
     }
 
-    /// All parts, settled or not.
+    /// All parts.
     pub(super) fn all_mut(&mut self) -> impl Iterator<Item = &mut Part> {
         self.all.iter_mut().filter(|part| !part.is_removed)
     }
-}
 
-/// Settled parts.
-impl Deref for Parts {
-    type Target = [Part];
-
-    fn deref(&self) -> &[Part] {
-        debug_assert_eq!(self.removed, 0, "settled");
-        &self.all
+    /// The indices of all parts, in the order of their ids.
+    pub(super) fn places(&self) -> Vec<usize> {
+        let places = 0..self.all.len();
+        places
+            .filter(|place| !self.all[*place].is_removed)
+            .collect()
     }
-}
 
-impl DerefMut for Parts {
-    fn deref_mut(&mut self) -> &mut [Part] {
-        debug_assert_eq!(self.removed, 0, "settled");
-        &mut self.all
+    /// The indices of the parts that have changed since the last commit, in the order of their ids.
+    pub(super) fn changed(&self) -> Vec<usize> {
+        let places = self.changed.iter().filter_map(|id| self.place(*id));
+        let mut places: Vec<usize> = places.collect();
+        places.sort_unstable();
+        places
+    }
+
+    /// Ends the changes, at a commit of this number. Returns the parts that were removed.
+    pub(super) fn take_changes(&mut self, commit: u64) -> Vec<Gone> {
+        for place in self.changed() {
+            let part = &mut self.all[place];
+            part.moved = commit;
+            part.is_changed = false;
+        }
+        self.changed.clear();
+        std::mem::take(&mut self.gone)
     }
 }

@@ -7,18 +7,17 @@ use kd_merge::{MergeError, MergeOptions, Merged};
 use kd_sah::BuildOptions;
 use kd_trace::WideTree;
 
-use super::frame::{FrameData, Shape};
+use super::frame::Shape;
 use super::merged::{MergedPart, MergedTrees};
 use super::moving::MovingTree;
-use super::part::{Part, Role};
-use super::part_group::PartVersion;
+use super::part::{Part, PartVersion, Role};
 use super::report::{CommitAction, CommitReason};
 use super::{CommitError, MergeMethod, Scene, Strategy};
 use crate::layout::{self, FrameLayout, LayoutPolicy, TreeLayout};
 
 /// What a commit will do.
 pub(super) enum Plan {
-    /// What to do with each part, in the order of their ids.
+    /// What to do with the parts that have changed, in the order of their ids.
     Parts(Vec<PartPlan>),
     /// The meshes of all parts, and one tree over their concatenation.
     Whole(Vec<Arc<Mesh>>, Box<TreeLayout>),
@@ -38,11 +37,13 @@ pub(super) struct MergePlan {
 
 /// What a commit will do with a part.
 pub(super) struct PartPlan {
+    /// Its index in the scene.
+    pub(super) place: usize,
     /// Where its triangles are.
     pub(super) mesh: Arc<Mesh>,
     pub(super) nodes: Nodes,
-    /// What the report says; `None` for a part that does not change.
-    pub(super) done: Option<(CommitAction, CommitReason)>,
+    /// What the report says.
+    pub(super) done: (CommitAction, CommitReason),
 }
 
 /// Where a part's nodes come from.
@@ -59,43 +60,53 @@ impl Scene {
     pub(super) fn plan(&mut self) -> Result<Plan, CommitError> {
         let policy = LayoutPolicy::new(&self.options);
         let frames = policy.frames_of(&self.strategy);
-        let frames = frames.ok_or_else(|| CommitError::Layout {
+        match frames.ok_or_else(|| CommitError::Layout {
             strategy: self.strategy.clone(),
-        })?;
-        let meshes = self.each_part(|_, part| self.placed(part))?;
-        if let FrameLayout::MergedTrees(method) = frames {
-            return self.plan_merge(method, meshes).map(Plan::Merged);
+        })? {
+            FrameLayout::WideParts => self.plan_parts().map(Plan::Parts),
+            FrameLayout::MergedTrees(method) => {
+                self.parts.settle();
+                self.plan_merge(method).map(Plan::Merged)
+            }
+            FrameLayout::OneMesh(options) => {
+                let options = options.clone();
+                let meshes = self.each_part(self.parts.places(), |_, part| self.placed(part))?;
+                let all = Mesh::concatenated(meshes.iter().map(|mesh| &**mesh));
+                let mesh = all.expect("parts have no more triangles than one mesh may have");
+                let built = layout::build(&mesh, &options, None);
+                let (layout, _) = built.map_err(|error| CommitError::Rebuild { error })?;
+                Ok(Plan::Whole(meshes, Box::new(layout)))
+            }
         }
-        if let FrameLayout::OneMesh(options) = frames {
-            let all = Mesh::concatenated(meshes.iter().map(|mesh| &**mesh));
-            let mesh = all.expect("parts have no more triangles than one mesh may have");
-            let built = layout::build(&mesh, options, None);
-            let (layout, _) = built.map_err(|error| CommitError::Rebuild { error })?;
-            return Ok(Plan::Whole(meshes, Box::new(layout)));
-        }
-        let plans = self.each_part(|place, part| {
-            let mesh = &meshes[place];
-            let (nodes, done) = self.plan_part(part, mesh)?;
+    }
+
+    /// Plans for the parts that have changed; for all parts where the frame before has no wide nodes of them.
+    fn plan_parts(&self) -> Result<Vec<PartPlan>, CommitError> {
+        let places = match &self.front.shape {
+            Shape::Forests(_) => self.parts.changed(),
+            Shape::Whole(_) | Shape::Merged(_) => self.parts.places(),
+        };
+        self.each_part(places, |place, part| {
+            let mesh = self.placed(part)?;
+            let (nodes, done) = self.plan_part(part, &mesh)?;
             Ok(PartPlan {
-                mesh: Arc::clone(mesh),
+                place,
+                mesh,
                 nodes,
                 done,
             })
-        });
-        plans.map(Plan::Parts)
+        })
     }
 
-    /// Merges kd-trees, in memory that the frame before does not share.
-    fn plan_merge(
-        &mut self,
-        method: MergeMethod,
-        meshes: Vec<Arc<Mesh>>,
-    ) -> Result<MergePlan, CommitError> {
+    /// Merges kd-trees, in memory that the frame before does not share. The parts are settled.
+    fn plan_merge(&mut self, method: MergeMethod) -> Result<MergePlan, CommitError> {
         let fail = |error| CommitError::Merge { error };
+        let places = self.parts.places();
+        let meshes = self.each_part(places.clone(), |_, part| self.placed(part))?;
         let end = self.next_slot;
         let merge_options = self.merge_options();
         let mut done = vec![None; meshes.len()];
-        let pairs = self.parts.iter().zip(&meshes);
+        let pairs = self.parts.all().zip(&meshes);
         let parts: Vec<MergedPart<'_>> = pairs
             .map(|(part, mesh)| MergedPart {
                 version: self.version_of_kd_tree(part),
@@ -106,7 +117,7 @@ impl Scene {
         let mut trees = match self.spare_trees(&parts) {
             Some(trees) => trees,
             None => {
-                let trees = self.each_part(|place, part| {
+                let trees = self.each_part(places.clone(), |place, part| {
                     let mesh = &*meshes[place];
                     (part.role == Role::Static)
                         .then(|| self.build_kd(part, mesh, &self.options))
@@ -127,7 +138,7 @@ impl Scene {
         // Triangles that are inserted one by one into the static tree need no tree of their own.
         let inserts = method == MergeMethod::Insertion && trees.has_static_tree();
         let fast = BuildOptions::fast().with_threads(self.options.threads());
-        let moving = self.each_part(|place, part| {
+        let moving = self.each_part(places, |place, part| {
             if part.role == Role::Static || inserts {
                 return Ok(None);
             }
@@ -159,7 +170,7 @@ impl Scene {
             }
         }
         if inserts {
-            for (done, part) in done.iter_mut().zip(self.parts.iter()) {
+            for (done, part) in done.iter_mut().zip(self.parts.all()) {
                 if part.role != Role::Static && part.is_changed {
                     *done = Some((CommitAction::Inserted, CommitReason::Strategy));
                 }
@@ -188,7 +199,6 @@ impl Scene {
     /// The version that the kd-tree of a part has after this commit.
     fn version_of_kd_tree(&self, part: &Part) -> PartVersion {
         PartVersion {
-            built: 0,
             moved: if part.is_changed {
                 self.commits + 1
             } else {
@@ -200,18 +210,18 @@ impl Scene {
 
     /// The trees of the static parts: those of a frame without snapshots, or a copy of those of the front frame.
     fn spare_trees(&mut self, parts: &[MergedPart<'_>]) -> Option<Box<MergedTrees>> {
-        let back = self.back.take().and_then(|back| Arc::try_unwrap(back).ok());
-        let back = match back.map(|back| back.shape) {
-            Some(Shape::Merged(trees)) => Some(trees),
-            _ => None,
-        };
-        let front = match &self.front.shape {
-            Shape::Merged(trees) => Some(trees),
-            _ => None,
-        };
         let end = self.next_slot;
-        let spare = back.filter(|trees| trees.has_static(parts, end));
-        spare.or_else(|| front.filter(|trees| trees.has_static(parts, end)).cloned())
+        let of = |shape: Shape| match shape {
+            Shape::Merged(trees) => Some(trees),
+            Shape::Forests(_) | Shape::Whole(_) => None,
+        };
+        let spare = self.take_spare().and_then(|spare| of(spare.shape));
+        spare
+            .filter(|trees| trees.has_static(parts, end))
+            .or_else(|| match &self.front.shape {
+                Shape::Merged(trees) if trees.has_static(parts, end) => Some(trees.clone()),
+                _ => None,
+            })
     }
 
     fn build_kd(
@@ -226,21 +236,17 @@ impl Scene {
         })
     }
 
-    /// Calls a function with the index of every part and the part, on the threads that the scene may use.
+    /// Calls a function with each index and its part, on the threads that the scene may use. The error is that of the first part that
+    /// fails, not the one that occurred first.
     fn each_part<T: Send>(
         &self,
+        places: Vec<usize>,
         call: impl Fn(usize, &Part) -> Result<T, CommitError> + Sync + Send,
     ) -> Result<Vec<T>, CommitError> {
-        #[cfg(feature = "parallel")]
-        if self.is_parallel() && self.parts.len() > 1 {
-            use rayon::prelude::*;
-            let parts = self.parts.par_iter().enumerate();
-            let results: Vec<_> = parts.map(|(place, part)| call(place, part)).collect();
-            // The error of the first part, not the error that occurred first.
-            return results.into_iter().collect();
-        }
-        let parts = self.parts.iter().enumerate();
-        parts.map(|(place, part)| call(place, part)).collect()
+        let is_parallel = self.is_parallel() && places.len() > 1;
+        let call = |place| call(place, self.parts.at(place));
+        let results = kd_tasks::map(places, is_parallel, call);
+        results.into_iter().collect()
     }
 
     /// A part's mesh after its transform.
@@ -265,28 +271,21 @@ impl Scene {
         &self,
         part: &Part,
         mesh: &Mesh,
-    ) -> Result<(Nodes, Option<(CommitAction, CommitReason)>), CommitError> {
-        let is_here = self.front.has_nodes(&part.version());
-        if is_here && !part.is_changed {
-            return Ok((Nodes::Kept, None));
-        }
-        if is_here && self.refits(part) {
-            return Ok((
-                Nodes::Kept,
-                Some((CommitAction::Refitted, CommitReason::Strategy)),
-            ));
-        }
-        let reason = if is_here {
+    ) -> Result<(Nodes, (CommitAction, CommitReason)), CommitError> {
+        let reason = if part.nodes.is_some() {
             CommitReason::Strategy
         } else {
             CommitReason::New
         };
-        if let (false, Some(original)) = (is_here, self.shares_with(part)) {
+        if part.nodes.is_some() && self.refits(part) {
+            return Ok((Nodes::Kept, (CommitAction::Refitted, reason)));
+        }
+        if let (None, Some(original)) = (part.nodes, self.shares_with(part)) {
             let done = (CommitAction::Refitted, reason);
-            return Ok((Nodes::Shared(original), Some(done)));
+            return Ok((Nodes::Shared(original), done));
         }
         let (nodes, action) = self.build(part, mesh)?;
-        Ok((nodes, Some((action, reason))))
+        Ok((nodes, (action, reason)))
     }
 
     /// Whether the nodes of a part that has changed are refitted first; [`Strategy::Auto`] may rebuild the part once the
@@ -322,18 +321,6 @@ impl Scene {
             return None;
         };
         let place = self.place(original).ok()?;
-        Arc::ptr_eq(&self.parts[place].mesh, &part.mesh).then_some(place)
-    }
-}
-
-impl FrameData {
-    /// Whether the frame has nodes of a part; its triangles may have been elsewhere.
-    fn has_nodes(&self, version: &PartVersion) -> bool {
-        match &self.shape {
-            Shape::PartGroups(groups) => {
-                groups.iter().any(|group| group.position(version).is_some())
-            }
-            Shape::Whole(_) | Shape::Merged(_) => false,
-        }
+        Arc::ptr_eq(&self.parts.at(place).mesh, &part.mesh).then_some(place)
     }
 }

@@ -5,13 +5,14 @@
 //! below a node that is not opened is read (C. Benthin, S. Woop, I. Wald, A. Áfra, *Improved Two-Level BVHs using
 //! Partial Re-Braiding*, 2017).
 
-use kd_core::{Aabb, Axis};
+use kd_core::Axis;
 
+use super::members::Member;
 use crate::arrays::Arrays;
 use crate::box_tree::{Added, BoxTree, Item, Leaves, to_u32};
 use crate::divide::{MOST_DIVISIONS, per_area};
 use crate::emit;
-use crate::node::Child;
+use crate::node::{Child, WideNode};
 use crate::object_split::ObjectSplit;
 
 /// Options of a join.
@@ -43,7 +44,7 @@ pub struct Joined {
     pub nodes: usize,
     /// Subtrees of members that the new nodes refer to.
     pub links: usize,
-    /// Nodes of members that were opened: rays no longer visit them.
+    /// Nodes of members that were opened by the last join: rays no longer visit them.
     pub opened: usize,
 }
 
@@ -70,18 +71,28 @@ struct Joint {
     boxes: BoxTree,
 }
 
-/// Puts a top over all members. Returns its numbers, and the box around all members.
-pub(crate) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
+/// Nodes over all members, and the root, which may be a member's.
+pub(crate) struct NewTop {
+    pub(crate) nodes: Vec<WideNode>,
+    pub(crate) root: Child,
+    pub(crate) joined: Joined,
+}
+
+/// Makes a top over all members, for nodes that will be from `first` on.
+///
+/// Members whose triangles have no area are not in it: no ray hits them.
+pub(crate) fn join(arrays: &Arrays, members: &[Member], options: Join, first: usize) -> NewTop {
     let mut links = Vec::new();
     let mut items = Vec::new();
-    for (member, number) in arrays.members().iter().zip(0..) {
+    for (member, number) in members.iter().zip(0..) {
         let child = member.root();
         if child == Child::NOTHING {
             continue;
         }
-        let node = &arrays.nodes()[child.index()];
-        let bounds = node.lanes().map(|lane| node.bounds(lane));
-        let bounds = bounds.fold(Aabb::EMPTY, |around, bounds| around.union(&bounds));
+        let bounds = arrays.nodes()[child.index()].around();
+        if bounds.is_empty() {
+            continue;
+        }
         items.push(Item::within(bounds, to_u32(links.len())));
         links.push(Link {
             child,
@@ -94,24 +105,27 @@ pub(crate) fn join(arrays: &mut Arrays, options: Join) -> (Joined, Aabb) {
         options,
         per_area: per_area(&bounds),
     };
-    let mut member = Joint::new(links);
+    let mut all = Joint::new(links);
     if !items.is_empty() {
-        joiner.add(items, 0, &mut member);
+        joiner.add(items, 0, &mut all);
     }
     let Joint {
         links,
         opened,
         boxes,
-    } = member;
+    } = all;
     let children: Vec<Child> = links.iter().map(|link| link.child).collect();
-    let (nodes, root) = emit::emit_links(&boxes, &children, arrays.nodes_of_members());
+    let (nodes, root) = emit::emit_links(&boxes, &children, first);
     let joined = Joined {
         nodes: nodes.len(),
         links: boxes.root().map_or(0, |root| boxes.items(root).len()),
         opened,
     };
-    arrays.set_top(&nodes, root);
-    (joined, bounds)
+    NewTop {
+        nodes,
+        root,
+        joined,
+    }
 }
 
 impl Joint {
@@ -179,7 +193,8 @@ impl Joiner<'_> {
                 items.swap_remove(next);
                 to.opened += 1;
                 let node = &self.arrays.nodes()[link.child.index()];
-                for lane in node.lanes() {
+                // Not what has no area: a repair finds links by their boxes.
+                for lane in node.lanes().filter(|lane| !node.bounds(*lane).is_empty()) {
                     items.push(Item::within(node.bounds(lane), to_u32(to.links.len())));
                     to.links.push(Link {
                         child: node.children[lane],
