@@ -6,6 +6,8 @@
 //! - *from bins* ([`OfBins`]), where an object split leaves two boxes that overlap much;
 //! - *of a kd-tree* ([`OfTree`]), always, down to its leaves.
 //!
+//! Large cells with a few huge triangles are divided into those and all others first, where that costs less ([`huge`]).
+//!
 //! A triangle that a plane cuts goes to both sides, with a tight box for each, or to one side as a whole where that costs less
 //! ([`Sides`]). An object split replaces a plane that costs more ([`Planes::OBJECTS_BELOW`]). Planes cost much more where a few huge
 //! triangles are among many small ones: each plane that cuts off empty space also cuts the huge triangles.
@@ -15,6 +17,7 @@
 //! in 1.5 to 2.3 times the memory. Planes above a thousand triangles have a SAH cost 3 to 13 % below that of objects alone in the
 //! rooms, 0.2 % above it on the scan and 2.5 % on the city, and about the same memory.
 
+mod huge;
 mod planes;
 mod sides;
 
@@ -24,6 +27,7 @@ use kd_tasks::Share;
 use crate::box_tree::{Added, BoxTree, Item, Leaves};
 use crate::object_split::ObjectSplit;
 use crate::work::Work;
+use huge::HugeSplit;
 use planes::{Allowance, NoPlanes, OfBins, OfTree, Planes};
 use sides::Sides;
 
@@ -172,7 +176,7 @@ impl<P: Planes> Divider<'_, P> {
     ) -> Added {
         loop {
             let Memory { items, sides } = memory;
-            let own = &items[first..];
+            let own = &mut items[first..];
             if own.len() <= self.planes_above || self.work.tracker.check().is_err() {
                 return self.finish(cell, memory, first, to);
             }
@@ -180,22 +184,36 @@ impl<P: Planes> Divider<'_, P> {
             let objects = (self.objects_compete && cell.divisions < MOST_DIVISIONS)
                 .then(|| ObjectSplit::measured(own, is_parallel))
                 .flatten();
+            let huge = objects.and_then(|all| HugeSplit::of(own, all.around(), is_parallel));
             let plane = self
                 .planes
                 .plane(&cell.planes, own, objects.as_ref(), is_parallel);
+            let plane = plane.filter(|plane| {
+                sides.measure(own, *plane, self.mesh, is_parallel);
+                objects.is_none_or(|objects| P::is_cheap(sides.cost(), &objects))
+            });
+            let cost = match (plane, objects) {
+                (Some(_), _) => sides.cost(),
+                (None, Some(objects)) => f64::from(objects.split.cost),
+                (None, None) => f64::INFINITY,
+            };
+            if let Some(huge) = huge.filter(|huge| huge.is_cheaper(cost)) {
+                let upper = first + huge.lower;
+                let counts = [huge.lower, items.len() - upper];
+                cell.divisions += 1;
+                let cells = cell.both(self.planes.objects(&cell.planes, counts), counts);
+                return self.split(huge.axis, cells, memory, [first, upper], to);
+            }
             if let Some(plane) = plane {
-                sides.measure(own, plane, self.mesh, is_parallel);
-                if objects.is_none_or(|objects| P::is_cheap(sides.cost(), &objects)) {
-                    let counts = sides.counts();
-                    if let Some(empty) = counts.iter().position(|count| *count == 0) {
-                        cell.planes = self.planes.one(&cell.planes, empty ^ 1);
-                        continue;
-                    }
-                    let upper = sides.apply(items, first, plane);
-                    let planes = self.planes.both(&cell.planes, counts);
-                    let cells = cell.both(planes, counts);
-                    return self.split(plane.axis, cells, memory, [first, upper], to);
+                let counts = sides.counts();
+                if let Some(empty) = counts.iter().position(|count| *count == 0) {
+                    cell.planes = self.planes.one(&cell.planes, empty ^ 1);
+                    continue;
                 }
+                let upper = sides.apply(items, first, plane);
+                let planes = self.planes.both(&cell.planes, counts);
+                let cells = cell.both(planes, counts);
+                return self.split(plane.axis, cells, memory, [first, upper], to);
             }
             let Some(objects) = objects else {
                 return self.finish(cell, memory, first, to);
