@@ -184,7 +184,9 @@ impl<P: Planes> Divider<'_, P> {
             let objects = (self.objects_compete && cell.divisions < MOST_DIVISIONS)
                 .then(|| ObjectSplit::measured(own, is_parallel))
                 .flatten();
-            let huge = objects.and_then(|all| HugeSplit::of(own, all.around(), is_parallel));
+            let huge = objects
+                .as_ref()
+                .and_then(|objects| HugeSplit::of(own, objects, is_parallel));
             let plane = self
                 .planes
                 .plane(&cell.planes, own, objects.as_ref(), is_parallel);
