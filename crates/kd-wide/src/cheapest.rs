@@ -1,7 +1,7 @@
 //! The cheapest of several trees of boxes by SAH cost.
 //!
-//! Planes pay among the walls of a church, object splits on a scan. Where walls surround much clutter, neither decides well near the root,
-//! and a tree that is optimized as a whole costs less.
+//! Planes pay among the walls of a church, object splits on a scan. Where many objects lie among each other, neither decides well near the
+//! root, and a tree that is optimized as a whole costs less.
 
 use kd_core::{Aabb, Mesh};
 

@@ -36,14 +36,14 @@
 //! - **Planes**: in cells of more than 1024 triangles ([`PLANES_ABOVE`]) where the boxes of an object split overlap much, by a plane
 //!   between bins (*plane split*), if its SAH cost is not much higher. A triangle that the plane cuts goes to both sides with a tight
 //!   box for each, or to one side as a whole where that costs less. Smaller cells are divided as objects.
+//! - **Both** set a few huge triangles apart from all others, in large cells where that costs less: walls from what is in a room.
 //! - **Cheapest**: the cheapest by SAH cost of both, and of two other trees over the leaves of the objects: one made bottom-up, and one
 //!   in which subtrees were reinserted at better places.
 //!
 //! [`WideTree::new`] follows the planes of a kd-tree instead of its own, in the same cells.
 //!
-//! Planes in large cells make rays 15 % faster in a church, and gain nothing on scans. Among walls with much clutter, objects are 16 to 23 %
-//! faster than planes, and optimized trees 25 to 28 %. (`cargo xtask first-ray --scenes DIR` compares them by scene, in the rows of `fast`,
-//! `balanced` and `best`; `benches/records/2026-11-30-first-ray.jsonl`.) Planes in small cells only duplicate triangles: with planes down to
+//! Planes in large cells make rays 14 % faster in a church, and gain nothing on scans. (`cargo xtask first-ray --scenes DIR` compares
+//! presets by scene, in the rows of `fast`, `balanced` and `best`; `benches/records/2026-11-30-first-ray.jsonl`.) Planes in small cells only duplicate triangles: with planes down to
 //! the leaves rays visited 0.9 to 1.12 times as many nodes, more blocks, in 1.5 to 2.3 times the memory (a throw-away program, in
 //! `divide.rs`).
 //!
