@@ -6,7 +6,9 @@ use std::str::FromStr;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use kd::BuildOptions;
-use kd_scene::{AffOptions, SceneDescription, Spd, load_scene, toy_room};
+use kd_scene::{
+    AffOptions, LoadOptions, SceneDescription, Spd, Strictness, load_scene_with, toy_room,
+};
 
 /// Selects a scene and a frame of its animation.
 #[derive(Args, Clone, Debug)]
@@ -15,9 +17,13 @@ pub(crate) struct SceneArgs {
     #[arg(value_name = "SCENE")]
     pub(crate) scene: String,
 
-    /// Skip unknown commands of AFF and NFF files, with a warning
-    #[arg(long)]
+    /// Leave out damaged elements, and unknown commands of AFF and NFF files, with a warning
+    #[arg(long, conflicts_with = "strict")]
     lenient: bool,
+
+    /// Refuse a file with anything that is left out or replaced
+    #[arg(long)]
+    strict: bool,
 
     /// Level of detail up to which AFF scenes include files
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -35,12 +41,18 @@ impl SceneArgs {
         {
             return generated(name, size);
         }
-        let options = AffOptions {
+        let aff = AffOptions {
             lenient: self.lenient,
             detail: self.detail,
             ..AffOptions::default()
         };
-        Ok(load_scene(&self.scene, &options)?)
+        let strictness = match (self.strict, self.lenient) {
+            (true, _) => Strictness::Strict,
+            (_, true) => Strictness::Lenient,
+            _ => Strictness::Usual,
+        };
+        let options = LoadOptions::new().with_strictness(strictness).with_aff(aff);
+        Ok(load_scene_with(&self.scene, &options)?.value)
     }
 
     /// The time of the frame, in seconds.

@@ -93,7 +93,8 @@ impl Stage {
         options: BuildOptions,
         strategy: Strategy,
     ) -> Result<Self, StageError> {
-        let mut warnings = description.warnings.clone();
+        let warnings = description.warnings.iter();
+        let mut warnings: Vec<String> = warnings.map(ToString::to_string).collect();
         let textures = description.textures.iter().map(|texture| {
             let loaded = TextureImage::load(&texture.source, description.colors);
             loaded

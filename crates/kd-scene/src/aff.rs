@@ -3,7 +3,6 @@
 
 mod geometry;
 mod motion;
-mod polygon;
 mod tokens;
 
 use std::collections::HashMap;
@@ -18,6 +17,7 @@ use crate::draft::{PartDraft, SurfaceIds, Transform};
 use crate::error::quoted;
 use crate::files::read_file;
 use crate::keys::{Keys, rotation_about};
+use crate::report::{Report, Strictness, WarningCode};
 use crate::tessellate::{RESOLUTION, UnitSphere};
 use crate::{
     Camera, Light, LoadError, Material, Node, SceneDescription, Span, Texture, TextureSource,
@@ -93,6 +93,7 @@ pub fn read_aff(
         options,
         files,
         scene,
+        report: Report::new(Strictness::Usual),
         detail: options.detail,
         drafts: Vec::new(),
         draft_of: HashMap::new(),
@@ -128,6 +129,7 @@ struct Reader<'a> {
     options: &'a AffOptions,
     files: &'a mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
     scene: SceneDescription,
+    report: Report,
     detail: u32,
     drafts: Vec<PartDraft>,
     /// Index of the draft for a node, separately for triangles that change their shape.
@@ -186,9 +188,9 @@ impl Reader<'_> {
                 b"k" => self.key_set(tokens)?,
                 b"a" => self.span(tokens)?,
                 _ if self.options.lenient => {
-                    let warning =
-                        tokens.error(format!("skipped unknown command {}", quoted(command)));
-                    self.scene.warnings.push(warning.to_string());
+                    let what = format!("skipped unknown command {}", quoted(command));
+                    let (file, place) = tokens.place();
+                    self.report.warn(file, place, WarningCode::Unused, what);
                     tokens.skip_line();
                 }
                 _ => {
@@ -452,6 +454,7 @@ impl Reader<'_> {
 
     fn finish(self, file: String) -> Result<SceneDescription, LoadError> {
         let mut scene = self.scene;
+        scene.warnings = self.report.finish();
         for node in &mut scene.nodes {
             node.keys = self.keys.get(&node.name).cloned();
         }

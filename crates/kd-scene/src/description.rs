@@ -7,6 +7,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use kd_core::{Mesh, MeshError};
 
 use crate::keys::Keys;
+use crate::report::Warning;
 use crate::{Camera, SceneSetup};
 
 /// A scene as a file describes it, for any time of its animation. It holds no trees.
@@ -38,8 +39,8 @@ pub struct SceneDescription {
     pub span: Option<Span>,
     /// Color space of all colors, and of the texels as [decoded](ColorSpace::decoded).
     pub colors: ColorSpace,
-    /// What the reader skipped or replaced, one sentence each.
-    pub warnings: Vec<String>,
+    /// What the reader has left out or replaced.
+    pub warnings: Vec<Warning>,
 }
 
 /// The meaning of color values from 0 to 1.

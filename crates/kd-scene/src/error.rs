@@ -5,6 +5,8 @@ use std::io;
 use kd_core::MeshError;
 use thiserror::Error;
 
+use crate::report::Warning;
+
 /// Why a file cannot be read as a mesh or a scene.
 ///
 /// Every variant holds `file`, the name that the reader was given. Lines count from 1; vertices, faces and other elements count
@@ -84,14 +86,6 @@ pub enum LoadError {
         /// Number of elements that the header declares.
         count: usize,
     },
-    /// Data follows the last element that the header declares.
-    #[error("{file}: {bytes} bytes left over after the last element the header declares")]
-    LeftOver {
-        /// Name of the file.
-        file: String,
-        /// Number of bytes left over.
-        bytes: usize,
-    },
     /// A coordinate is NaN, infinite, or too large for `f32`.
     #[error("{file}: {}vertex {vertex} is not finite", line_prefix(*line))]
     NotFinite {
@@ -119,7 +113,7 @@ pub enum LoadError {
         /// Number of vertices, normals or texture coordinates that the index selects from.
         vertices: usize,
     },
-    /// A face has fewer than three corners. It is refused, not dropped, because the file is damaged.
+    /// A face has fewer than three corners. It is refused, unless the reader is lenient, because the file is damaged.
     #[error("{file}: {}face {face} has {corners} corners, at least 3 are needed", line_prefix(*line))]
     TooFewCorners {
         /// Name of the file.
@@ -131,6 +125,14 @@ pub enum LoadError {
         /// Number of corners: 0, 1 or 2.
         corners: usize,
     },
+    /// The reader is [strict](crate::Strictness::Strict), and the file has something that is left out or replaced.
+    #[error("{warning}{}", others_suffix(*others))]
+    Warned {
+        /// The first warning.
+        warning: Warning,
+        /// The number of others.
+        others: usize,
+    },
     /// The file was read, but [`Mesh`](kd_core::Mesh) refuses its content.
     #[error("{file}: {source}")]
     Mesh {
@@ -139,6 +141,34 @@ pub enum LoadError {
         /// Error of the mesh.
         source: MeshError,
     },
+}
+
+impl LoadError {
+    /// The file: the one that was loaded, or one that it names.
+    pub fn file(&self) -> &str {
+        match self {
+            Self::Open { file, .. }
+            | Self::Read { file, .. }
+            | Self::UnsupportedFormat { file, .. }
+            | Self::UnknownFormat { file }
+            | Self::BadLine { file, .. }
+            | Self::BadHeader { file, .. }
+            | Self::BadElement { file, .. }
+            | Self::Truncated { file, .. }
+            | Self::NotFinite { file, .. }
+            | Self::IndexOutOfRange { file, .. }
+            | Self::TooFewCorners { file, .. }
+            | Self::Mesh { file, .. } => file,
+            Self::Warned { warning, .. } => &warning.file,
+        }
+    }
+}
+
+fn others_suffix(others: usize) -> String {
+    match others {
+        0 => String::new(),
+        _ => format!(" (and {others} other warnings)"),
+    }
 }
 
 fn line_prefix(line: Option<usize>) -> String {

@@ -18,6 +18,7 @@ use gltf::mesh::Semantic;
 
 use crate::draft::{PartDraft, SurfaceIds, Transform};
 use crate::files::read_file;
+use crate::report::{Report, Strictness, WarningCode};
 use crate::{
     Camera, ColorSpace, Deformation, LoadError, Node, Part, SceneDescription, Skin, Surface,
 };
@@ -72,6 +73,7 @@ pub fn read_gltf(
             colors: ColorSpace::Linear,
             ..SceneDescription::default()
         },
+        report: Report::new(Strictness::Usual),
         drafts: Vec::new(),
         draft_of: HashMap::new(),
         skinned: Vec::new(),
@@ -104,6 +106,7 @@ struct Reader {
     json: gltf::json::Root,
     buffers: Buffers,
     scene: SceneDescription,
+    report: Report,
     drafts: Vec<PartDraft>,
     /// Index of the draft for an animated node, or for static triangles.
     draft_of: HashMap<Option<usize>, usize>,
@@ -175,7 +178,7 @@ impl Reader {
             return;
         };
         let gltf::camera::Projection::Perspective(lens) = camera.projection() else {
-            self.warn("orthographic cameras are ignored".to_owned());
+            self.warn("orthographic cameras are ignored");
             return;
         };
         if self.scene.camera.is_none() {
@@ -460,12 +463,10 @@ impl Reader {
         Ok(())
     }
 
-    /// Adds a warning, once.
-    fn warn(&mut self, what: String) {
-        let warning = format!("{}: {what}", self.file);
-        if !self.scene.warnings.contains(&warning) {
-            self.scene.warnings.push(warning);
-        }
+    /// Notes that something is not used.
+    fn warn(&mut self, what: impl Into<String>) {
+        self.report
+            .warn(&self.file, None, WarningCode::Unused, what);
     }
 
     fn bad_element(&self, element: &str, index: usize, problem: &str) -> LoadError {
@@ -479,6 +480,7 @@ impl Reader {
 
     fn finish(self) -> Result<SceneDescription, LoadError> {
         let mut scene = self.scene;
+        scene.warnings = self.report.finish();
         let mut parts = Vec::new();
         for draft in self.drafts {
             let part = draft.finish();

@@ -46,6 +46,8 @@ mod load;
 mod load_scene;
 mod obj;
 mod ply;
+mod polygon;
+mod report;
 mod rooms;
 mod spd;
 mod tessellate;
@@ -66,13 +68,14 @@ pub use gltf::read_gltf;
 pub use hostile::Hostile;
 #[cfg(feature = "scenes")]
 pub use keys::Keys;
-pub use load::load_mesh;
+pub use load::{LoadOptions, load_mesh, load_mesh_with};
 #[cfg(feature = "scenes")]
-pub use load_scene::load_scene;
+pub use load_scene::{load_scene, load_scene_with};
 pub use obj::read_obj;
 #[cfg(feature = "scenes")]
 pub use obj::read_obj_scene;
 pub use ply::read_ply;
+pub use report::{Loaded, Place, Strictness, Warning, WarningCode};
 pub use rooms::Room;
 pub use spd::{SceneSetup, Spd, SpdError};
 #[cfg(feature = "scenes")]

@@ -4,16 +4,64 @@ use std::path::Path;
 
 use kd_core::Mesh;
 
+use crate::LoadError;
 use crate::format::Format;
+use crate::obj::read_obj_with;
+use crate::ply::read_ply_with;
+use crate::report::{Loaded, Report, Strictness, Warning};
 #[cfg(feature = "scenes")]
 use crate::{AffOptions, SceneDescription, files::files_with, read_aff, read_gltf};
-use crate::{LoadError, read_obj, read_ply};
+
+/// How files are read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoadOptions {
+    pub(crate) strictness: Strictness,
+    #[cfg(feature = "scenes")]
+    pub(crate) aff: AffOptions,
+}
+
+impl LoadOptions {
+    /// The usual strictness.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets what becomes of what cannot be used.
+    #[must_use]
+    pub fn with_strictness(mut self, strictness: Strictness) -> Self {
+        self.strictness = strictness;
+        self
+    }
+
+    /// Sets how AFF and NFF files are read.
+    #[cfg(feature = "scenes")]
+    #[must_use]
+    pub fn with_aff(mut self, aff: AffOptions) -> Self {
+        self.aff = aff;
+        self
+    }
+
+    /// What was read with its warnings, which are an error if the reader is strict.
+    pub(crate) fn finish<T>(
+        &self,
+        value: T,
+        warnings: Vec<Warning>,
+    ) -> Result<Loaded<T>, LoadError> {
+        match warnings.first() {
+            Some(first) if self.strictness == Strictness::Strict => Err(LoadError::Warned {
+                warning: first.clone(),
+                others: warnings.len() - 1,
+            }),
+            _ => Ok(Loaded { value, warnings }),
+        }
+    }
+}
 
 /// Reads the triangles of a file: OBJ and PLY, and with the feature `scenes` also glTF 2.0 (`.gltf` and `.glb`), AFF and NFF.
 ///
 /// The content decides on the format where it identifies one, then the extension, in any case. Only geometry is read: of a scene
-/// that moves, the triangles of all parts in the first frame. Polygons of OBJ and PLY files become fans of triangles, in file order.
-/// A file without faces is an empty mesh.
+/// that moves, the triangles of all parts in the first frame. Convex polygons become fans of triangles, concave ones are triangulated by
+/// ear clipping, in file order. A file without faces is an empty mesh. [`load_mesh_with`] tells what was left out.
 ///
 /// The whole file is held in memory while it is read; no allocation relies on a count that the file only claims.
 ///
@@ -28,28 +76,57 @@ use crate::{LoadError, read_obj, read_ply};
 /// # Ok::<(), kd_scene::LoadError>(())
 /// ```
 pub fn load_mesh(path: impl AsRef<Path>) -> Result<Mesh, LoadError> {
+    load_mesh_with(path, &LoadOptions::default()).map(|loaded| loaded.value)
+}
+
+/// [`load_mesh`] with options, and with warnings about what was left out or replaced.
+///
+/// # Errors
+///
+/// Those of [`load_mesh`]; [`LoadError::Warned`] for a file with warnings, if the options are strict.
+///
+/// ```no_run
+/// use kd_scene::{LoadOptions, Strictness, load_mesh_with};
+///
+/// let options = LoadOptions::new().with_strictness(Strictness::Lenient);
+/// let loaded = load_mesh_with("scan.ply", &options)?;
+/// for warning in &loaded.warnings {
+///     eprintln!("{warning}");
+/// }
+/// println!("{} triangles", loaded.value.len());
+/// # Ok::<(), kd_scene::LoadError>(())
+/// ```
+pub fn load_mesh_with(
+    path: impl AsRef<Path>,
+    options: &LoadOptions,
+) -> Result<Loaded<Mesh>, LoadError> {
     let path = path.as_ref();
     let file = path.display().to_string();
     let bytes = read(path, &file)?;
-    match Format::of(&bytes, path) {
-        Some(Format::Obj) => read_obj(bytes.as_slice(), &file),
-        Some(Format::Ply) => read_ply(&bytes, &file),
+    let mut report = Report::new(options.strictness);
+    let mesh = match Format::of(&bytes, path) {
+        Some(Format::Obj) => read_obj_with(&bytes, &file, &mut report)?,
+        Some(Format::Ply) => read_ply_with(&bytes, &file, &mut report)?,
         #[cfg(feature = "scenes")]
         Some(Format::Gltf | Format::Glb) => {
-            first_frame(&read_gltf(path, &mut files_with(path, bytes))?, file)
+            let scene = read_gltf(path, &mut files_with(path, bytes))?;
+            return options.finish(first_frame(&scene, file)?, scene.warnings);
         }
         #[cfg(feature = "scenes")]
         Some(Format::Aff) => {
-            let scene = read_aff(path, &mut files_with(path, bytes), &AffOptions::default())?;
-            first_frame(&scene, file)
+            let scene = read_aff(path, &mut files_with(path, bytes), &options.aff)?;
+            return options.finish(first_frame(&scene, file)?, scene.warnings);
         }
         #[cfg(not(feature = "scenes"))]
-        Some(format) => Err(LoadError::UnsupportedFormat {
-            file,
-            format: format.name(),
-        }),
-        None => Err(LoadError::UnknownFormat { file }),
-    }
+        Some(format) => {
+            return Err(LoadError::UnsupportedFormat {
+                file,
+                format: format.name(),
+            });
+        }
+        None => return Err(LoadError::UnknownFormat { file }),
+    };
+    options.finish(mesh, report.finish())
 }
 
 pub(crate) fn read(path: &Path, file: &str) -> Result<Vec<u8>, LoadError> {

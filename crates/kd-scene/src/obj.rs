@@ -1,282 +1,278 @@
-//! Reader of Wavefront OBJ: `tobj` parses a stream that is filtered to geometry.
+//! Reader of Wavefront OBJ.
 //!
-//! `tobj` 4 turns a polyline (`l 1 2 3`) into a polygon, drops faces of two corners, refuses comments after a statement, line
-//! continuations (`\`), and files where only some vertices have a color, and its errors name no line. A filter can handle all
-//! of these: [`Geometry`] passes one plain `v` or `f` statement at a time to `tobj` and keeps its line number. Errors that
-//! `tobj` detects only at the end are located by a second pass over the lines.
+//! One pass over the statements collects vertices and faces, which may precede their vertices. A scene also takes the attributes and
+//! the materials of faces on the way ([`scene`]).
 
 #[cfg(feature = "scenes")]
+mod material;
+#[cfg(feature = "scenes")]
 mod scene;
+mod statements;
 
-use std::io::{self, BufRead, Read};
-use std::path::Path;
+use std::io::BufRead;
 
+use glam::{DVec3, Vec3};
 use kd_core::Mesh;
 
 use crate::LoadError;
 use crate::error::quoted;
+use crate::polygon::triangulate;
+use crate::report::{Place, Report, Strictness, WarningCode};
 #[cfg(feature = "scenes")]
 pub use scene::read_obj_scene;
+#[cfg(feature = "scenes")]
+pub(crate) use scene::read_obj_scene_with;
+use statements::{Statements, number, words};
 
 /// Reads the geometry of a Wavefront OBJ file as a mesh. Errors name the file `name`.
 ///
-/// All objects, groups and materials form one mesh, with the faces in file order as triangle fans. Vertices are ordered by
-/// their first use in a face; unused vertices are dropped. Negative (relative) indices are valid, and so are faces before their
-/// vertices. A fourth coordinate divides the other three. Colors, material files, points, lines and unknown statements are
-/// ignored. The whole file is held in memory.
+/// All objects, groups and materials form one mesh, with the faces in file order. Convex polygons become fans of triangles, concave ones
+/// are triangulated by ear clipping. Vertices are ordered by their first use in a face; unused vertices are dropped. Negative (relative)
+/// indices are valid, and so are faces before their vertices. Faces of fewer than three corners, weights, colors, points and lines
+/// are left out: [`load_mesh_with`](crate::load_mesh_with) tells of them. The whole file is held in memory.
 ///
 /// # Errors
 ///
-/// [`LoadError`] with the line: an invalid number, a face of fewer than three corners, an index out of range (such as 0), a
-/// coordinate that is not finite, a free-form curve or surface.
+/// [`LoadError`] with the line: an invalid number, an index out of range (such as 0), a coordinate that is not finite, a free-form curve
+/// or surface.
 pub fn read_obj(mut reader: impl BufRead, name: &str) -> Result<Mesh, LoadError> {
-    let file = || name.to_owned();
     let mut bytes = Vec::new();
-    if let Err(source) = reader.read_to_end(&mut bytes) {
-        return Err(LoadError::Read {
-            file: file(),
-            source,
-        });
-    }
-    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
-    let mut geometry = Geometry::new(bytes, name);
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ..Default::default()
-    };
-    // The filter removes the statements that name material files.
-    let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
-    let models = match tobj::load_obj_buf(&mut geometry, &options, no_materials) {
-        Ok((models, _)) => models,
-        Err(error) => return Err(geometry.explain(error)),
-    };
-
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for tobj::Model { mesh, .. } in models {
-        let base = u32::try_from(positions.len()).unwrap_or(u32::MAX);
-        positions.extend_from_slice(mesh.positions.as_chunks::<3>().0);
-        let corners = mesh.indices.as_chunks::<3>().0.iter();
-        triangles.extend(corners.map(|corners| corners.map(|corner| base.saturating_add(corner))));
-    }
-    if positions
-        .iter()
-        .flatten()
-        .any(|coordinate| !coordinate.is_finite())
-        && let Some((line, vertex)) = first_not_finite(bytes)
-    {
-        let line = Some(line);
-        return Err(LoadError::NotFinite {
-            file: file(),
-            line,
-            vertex,
-        });
-    }
-    Mesh::new(positions, triangles).map_err(|source| LoadError::Mesh {
-        file: file(),
+    let read = reader.read_to_end(&mut bytes);
+    read.map_err(|source| LoadError::Read {
+        file: name.to_owned(),
         source,
-    })
+    })?;
+    read_obj_with(&bytes, name, &mut Report::new(Strictness::Usual))
 }
 
-/// The byte order mark that some editors write before UTF-8 text.
-const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-
-/// The statements of a file: lines without comments, with continued lines joined.
-struct Statements<'a> {
-    rest: &'a [u8],
-    /// Number of lines taken: the line number of the end of the current statement.
-    lines: usize,
+/// [`read_obj`], with its warnings.
+pub(crate) fn read_obj_with(
+    bytes: &[u8],
+    name: &str,
+    report: &mut Report,
+) -> Result<Mesh, LoadError> {
+    let geometry = Geometry::read(bytes, name, report, &mut Plain)?;
+    geometry.mesh(bytes, name, report, |_, _| {})
 }
 
-impl<'a> Statements<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        Self {
-            rest: bytes,
-            lines: 0,
-        }
+/// What a reader takes beside the geometry.
+trait Beside {
+    /// A statement that is no vertex and no face. Returns whether the keyword is known.
+    fn statement(
+        &mut self,
+        keyword: &[u8],
+        statement: &[u8],
+        line: usize,
+        report: &mut Report,
+    ) -> bool;
+
+    /// A face of at least three corners.
+    fn face(&mut self, statement: &[u8], line: usize, report: &mut Report);
+}
+
+/// Nothing.
+struct Plain;
+
+impl Beside for Plain {
+    fn statement(&mut self, keyword: &[u8], _: &[u8], _: usize, _: &mut Report) -> bool {
+        let of_looks = [&b"vn"[..], b"vt", b"mtllib", b"usemtl"];
+        of_looks.contains(&keyword)
     }
 
-    /// Writes the next statement to `into`, and returns the number of its first line, from 1.
-    fn next_into(&mut self, into: &mut Vec<u8>) -> Option<usize> {
-        into.clear();
-        let first = self.lines + 1;
-        while !self.rest.is_empty() {
-            self.lines += 1;
-            let end = self.rest.iter().position(|&byte| byte == b'\n');
-            let line;
-            (line, self.rest) = match end {
-                Some(end) => (&self.rest[..end], &self.rest[end + 1..]),
-                None => (self.rest, &[][..]),
+    fn face(&mut self, _: &[u8], _: usize, _: &mut Report) {}
+}
+
+/// Statements that neither a mesh nor a scene has a use for, and that change nothing.
+const SILENT: [&[u8]; 4] = [b"o", b"g", b"s", b"mg"];
+
+/// The vertices and the faces of a file.
+#[derive(Debug, Default)]
+struct Geometry {
+    positions: Vec<[f32; 3]>,
+    /// The vertices of all faces; some may not be there.
+    corners: Vec<u32>,
+    /// Where each face ends in `corners`.
+    ends: Vec<usize>,
+}
+
+/// The vertex of an index that no file has.
+const NOWHERE: u32 = u32::MAX;
+
+impl Geometry {
+    fn read(
+        bytes: &[u8],
+        name: &str,
+        report: &mut Report,
+        beside: &mut impl Beside,
+    ) -> Result<Self, LoadError> {
+        let mut geometry = Self::default();
+        let mut statements = Statements::new(bytes);
+        let mut statement = Vec::new();
+        while let Some(line) = statements.next_into(&mut statement) {
+            let bad = |problem: &str| LoadError::BadLine {
+                file: name.to_owned(),
+                line,
+                problem: format!("{problem}: {}", quoted(&statement)),
             };
-            let text = line.split(|&byte| byte == b'#').next().unwrap_or(line);
-            let text = text.trim_ascii_end();
-            let Some(broken) = text.strip_suffix(b"\\") else {
-                into.extend_from_slice(text);
-                return Some(first);
-            };
-            into.extend_from_slice(broken);
-            into.push(b' ');
-        }
-        (self.lines >= first).then_some(first)
-    }
-}
-
-fn words(statement: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
-    statement
-        .split(u8::is_ascii_whitespace)
-        .filter(|word| !word.is_empty())
-}
-
-/// The position index of a corner of a face: the text before the first slash.
-fn position_index(corner: &[u8]) -> &[u8] {
-    match corner.iter().position(|&byte| byte == b'/') {
-        // A corner that starts with a slash has no position. It stays whole, so that `tobj` refuses it.
-        Some(0) | None => corner,
-        Some(slash) => &corner[..slash],
-    }
-}
-
-/// A stream of plain `v` and `f` statements for `tobj`.
-struct Geometry<'a> {
-    bytes: &'a [u8],
-    name: &'a str,
-    statements: Statements<'a>,
-    /// The current statement in the file.
-    statement: Vec<u8>,
-    /// The current statement as `tobj` reads it; the first `consumed` bytes are read.
-    plain: Vec<u8>,
-    consumed: usize,
-    /// Line number of the current statement.
-    line: usize,
-    /// Numbers of vertices and faces so far.
-    vertices: usize,
-    faces: usize,
-    /// The error of the filter, which `tobj` cannot carry.
-    error: Option<LoadError>,
-}
-
-impl<'a> Geometry<'a> {
-    fn new(bytes: &'a [u8], name: &'a str) -> Self {
-        Self {
-            bytes,
-            name,
-            statements: Statements::new(bytes),
-            statement: Vec::new(),
-            plain: Vec::new(),
-            consumed: 0,
-            line: 0,
-            vertices: 0,
-            faces: 0,
-            error: None,
-        }
-    }
-
-    /// Finds the next `v` or `f` statement. At the end of the file `plain` stays empty.
-    fn advance(&mut self) -> Result<(), LoadError> {
-        self.plain.clear();
-        self.consumed = 0;
-        while self.plain.is_empty() {
-            let Some(line) = self.statements.next_into(&mut self.statement) else {
-                return Ok(());
-            };
-            self.line = line;
-            if self.statement.contains(&0) {
-                return Err(self.bad_line("not text"));
+            if statement.contains(&0) {
+                return Err(bad("not text"));
             }
-            let mut words = words(&self.statement);
+            let mut words = words(&statement);
+            let place = || Some(Place::Line(line));
             match words.next() {
+                None => {}
                 Some(b"v") => {
-                    self.vertices += 1;
-                    // Four numbers are homogeneous coordinates; more than four are a position and a color.
-                    let numbers = if words.clone().count() == 4 { 4 } else { 3 };
-                    self.plain.push(b'v');
-                    for number in words.take(numbers) {
-                        self.plain.push(b' ');
-                        self.plain.extend_from_slice(number);
+                    let position = position(words.clone()).map_err(bad)?;
+                    if !Vec3::from(position).is_finite() {
+                        return Err(LoadError::NotFinite {
+                            file: name.to_owned(),
+                            line: Some(line),
+                            vertex: geometry.positions.len(),
+                        });
+                    }
+                    geometry.positions.push(position);
+                    match words.count() {
+                        3 => {}
+                        4 => {
+                            let what = "the fourth coordinate, a weight of curves, is not used";
+                            report.warn(name, place(), WarningCode::Unused, what);
+                        }
+                        _ => {
+                            let what = "colors of vertices are not used";
+                            report.warn(name, place(), WarningCode::Unused, what);
+                        }
                     }
                 }
                 // `fo` is an obsolete spelling of `f`.
                 Some(b"f" | b"fo") => {
-                    let (face, corners) = (self.faces, words.clone().count());
+                    let corners = words.clone().count();
                     if corners < 3 {
-                        let (file, line) = (self.name.to_owned(), Some(line));
-                        return Err(LoadError::TooFewCorners {
-                            file,
-                            line,
-                            face,
-                            corners,
-                        });
+                        let what = "a face has fewer than three corners; it is left out";
+                        report.warn(name, place(), WarningCode::FewCorners, what);
+                        continue;
                     }
-                    self.faces += 1;
-                    self.plain.push(b'f');
-                    for corner in words {
-                        self.plain.push(b' ');
-                        self.plain.extend_from_slice(position_index(corner));
+                    for word in words {
+                        let corner = geometry.corner(word).ok_or_else(|| bad("bad face"))?;
+                        geometry.corners.push(corner);
                     }
+                    geometry.ends.push(geometry.corners.len());
+                    beside.face(&statement, line, report);
                 }
                 Some(b"curv" | b"curv2" | b"surf") => {
-                    return Err(self.bad_line("free-form curves and surfaces are not supported"));
+                    return Err(bad("free-form curves and surfaces are not supported"));
                 }
-                _ => continue,
+                Some(keyword) => {
+                    let is_known = beside.statement(keyword, &statement, line, report);
+                    if !is_known && !SILENT.contains(&keyword) {
+                        let what = format!("{} is not used", quoted(keyword));
+                        report.warn(name, place(), WarningCode::Unused, what);
+                    }
+                }
             }
-            self.plain.push(b'\n');
         }
-        Ok(())
+        Ok(geometry)
     }
 
-    fn bad_line(&self, problem: &str) -> LoadError {
-        LoadError::BadLine {
-            file: self.name.to_owned(),
-            line: self.line,
-            problem: format!("{problem}: {}", quoted(&self.statement)),
-        }
+    /// The vertex of a corner; `None` for a word that is no index. It may not be there.
+    fn corner(&self, word: &[u8]) -> Option<u32> {
+        let index = word.split(|byte| *byte == b'/').next()?;
+        let index: i64 = std::str::from_utf8(index).ok()?.parse().ok()?;
+        let number = match index {
+            0 => return Some(NOWHERE),
+            1.. => index - 1,
+            _ => i64::try_from(self.positions.len())
+                .ok()?
+                .saturating_add(index),
+        };
+        Some(u32::try_from(number).unwrap_or(NOWHERE))
     }
 
-    /// Adds the location to an error of `tobj`. `tobj` reads one statement at a time, so an invalid statement is the current
-    /// one. It checks indices at the end, so an index out of range is searched for.
-    fn explain(mut self, error: tobj::LoadError) -> LoadError {
-        if let Some(error) = self.error.take() {
-            return error;
+    /// The triangles of all faces. `each` receives the face of each triangle, and its corners as numbers of corners of the face.
+    fn mesh(
+        mut self,
+        bytes: &[u8],
+        name: &str,
+        report: &mut Report,
+        mut each: impl FnMut(usize, [usize; 3]),
+    ) -> Result<Mesh, LoadError> {
+        let count = self.positions.len();
+        if self.corners.iter().any(|corner| *corner as usize >= count) {
+            return Err(self.first_bad_index(bytes, name));
         }
-        match error {
-            tobj::LoadError::FaceVertexOutOfBounds => self.first_bad_index(),
-            tobj::LoadError::PositionParseError => self.bad_line("bad vertex"),
-            tobj::LoadError::FaceParseError => self.bad_line("bad face"),
-            tobj::LoadError::ScalingByZeroError => self.bad_line("the fourth coordinate is zero"),
-            tobj::LoadError::ReadError => self.bad_line("not text"),
-            other => self.bad_line(&other.to_string()),
+        let positions = self.in_order_of_use();
+        let mut triangles = Vec::with_capacity(self.corners.len() - 2 * self.ends.len());
+        let mut start = 0;
+        for (face, end) in self.ends.iter().enumerate() {
+            let corners = &self.corners[start..*end];
+            start = *end;
+            let mut add = |[a, b, c]: [usize; 3]| {
+                triangles.push([corners[a], corners[b], corners[c]]);
+                each(face, [a, b, c]);
+            };
+            if corners.len() == 3 {
+                add([0, 1, 2]);
+                continue;
+            }
+            let points: Vec<DVec3> = corners
+                .iter()
+                .map(|corner| DVec3::from(positions[*corner as usize].map(f64::from)))
+                .collect();
+            let polygon = triangulate(&points);
+            if !polygon.is_simple {
+                let place = Some(Place::Element("face".to_owned(), face));
+                let what = "a polygon crosses itself or has no area; it becomes a fan of triangles";
+                report.warn(name, place, WarningCode::BadPolygon, what);
+            }
+            polygon.triangles.into_iter().for_each(&mut add);
         }
+        Mesh::new(positions, triangles).map_err(|source| LoadError::Mesh {
+            file: name.to_owned(),
+            source,
+        })
     }
 
-    fn first_bad_index(&self) -> LoadError {
-        let mut statements = Statements::new(self.bytes);
+    /// The positions of vertices in the order of their first use, which numbers them again.
+    fn in_order_of_use(&mut self) -> Vec<[f32; 3]> {
+        let mut numbers = vec![NOWHERE; self.positions.len()];
+        let mut used = Vec::with_capacity(self.positions.len());
+        for corner in &mut self.corners {
+            let number = &mut numbers[*corner as usize];
+            if *number == NOWHERE {
+                *number = u32::try_from(used.len()).expect("no more than there are vertices");
+                used.push(self.positions[*corner as usize]);
+            }
+            *corner = *number;
+        }
+        used
+    }
+
+    /// The error of the first index that is out of range.
+    fn first_bad_index(&self, bytes: &[u8], name: &str) -> LoadError {
+        let vertices = self.positions.len();
+        let mut statements = Statements::new(bytes);
         let mut statement = Vec::new();
         let (mut seen, mut face) = (0_i64, 0);
         while let Some(line) = statements.next_into(&mut statement) {
             let mut words = words(&statement);
             match words.next() {
                 Some(b"v") => seen += 1,
-                Some(b"f" | b"fo") => {
-                    for corner in words.map(position_index) {
-                        let index = std::str::from_utf8(corner).ok();
-                        let Some(index) = index.and_then(|index| index.parse::<i64>().ok()) else {
-                            return LoadError::BadLine {
-                                file: self.name.to_owned(),
-                                line,
-                                problem: format!("bad face: {}", quoted(&statement)),
-                            };
-                        };
+                Some(b"f" | b"fo") if words.clone().count() >= 3 => {
+                    for corner in words {
+                        let index = corner.split(|byte| *byte == b'/').next();
+                        let index = index.and_then(|index| std::str::from_utf8(index).ok());
+                        let index: i64 = index.and_then(|index| index.parse().ok()).unwrap_or(0);
                         let number = if index < 0 {
                             seen.saturating_add(index)
                         } else {
                             index - 1
                         };
-                        if usize::try_from(number).map_or(true, |number| number >= self.vertices) {
+                        if usize::try_from(number).map_or(true, |number| number >= vertices) {
                             return LoadError::IndexOutOfRange {
-                                file: self.name.to_owned(),
+                                file: name.to_owned(),
                                 line: Some(line),
                                 face,
                                 index,
-                                vertices: self.vertices,
+                                vertices,
                             };
                         }
                     }
@@ -285,55 +281,22 @@ impl<'a> Geometry<'a> {
                 _ => {}
             }
         }
-        self.bad_line("a face has an index out of range")
+        LoadError::BadHeader {
+            file: name.to_owned(),
+            problem: "a face has an index out of range".to_owned(),
+        }
     }
 }
 
-impl Read for Geometry<'_> {
-    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        let count = self.fill_buf()?.read(into)?;
-        self.consume(count);
-        Ok(count)
+/// The three coordinates of a vertex.
+fn position<'a>(words: impl Iterator<Item = &'a [u8]> + Clone) -> Result<[f32; 3], &'static str> {
+    if words.clone().any(|word| std::str::from_utf8(word).is_err()) {
+        return Err("not text");
     }
-}
-
-impl BufRead for Geometry<'_> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.consumed == self.plain.len()
-            && let Err(error) = self.advance()
-        {
-            self.error = Some(error);
-            return Err(io::ErrorKind::InvalidData.into());
-        }
-        Ok(&self.plain[self.consumed..])
+    let mut numbers = words.map(number);
+    let mut position = [0.0; 3];
+    for coordinate in &mut position {
+        *coordinate = numbers.next().flatten().ok_or("bad vertex")?;
     }
-
-    fn consume(&mut self, count: usize) {
-        self.consumed += count;
-    }
-}
-
-/// Line number and index of the first vertex that is not finite in `f32`.
-fn first_not_finite(bytes: &[u8]) -> Option<(usize, usize)> {
-    let mut statements = Statements::new(bytes);
-    let mut statement = Vec::new();
-    let mut vertex = 0;
-    while let Some(line) = statements.next_into(&mut statement) {
-        let mut words = words(&statement);
-        if words.next() != Some(b"v") {
-            continue;
-        }
-        let number = |word| std::str::from_utf8(word).ok()?.parse::<f32>().ok();
-        let numbers: Vec<f32> = words.map_while(number).take(5).collect();
-        let w = if numbers.len() == 4 { numbers[3] } else { 1.0 };
-        if numbers
-            .iter()
-            .take(3)
-            .any(|number| !(number / w).is_finite())
-        {
-            return Some((line, vertex));
-        }
-        vertex += 1;
-    }
-    None
+    Ok(position)
 }

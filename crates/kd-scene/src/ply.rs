@@ -5,6 +5,11 @@
 //! file bounds the memory. Text elements are parsed here, because the grammar of the crate refuses `.5`, `1.` and `nan`, and
 //! ignores extra values at the end of a line.
 
+mod header;
+
+use std::str::SplitAsciiWhitespace;
+
+use glam::DVec3;
 use kd_core::Mesh;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
@@ -13,51 +18,62 @@ use ply_rs_bw::ply::{
 
 use crate::LoadError;
 use crate::error::quoted;
+use crate::polygon::triangulate;
+use crate::report::{Place, Report, Strictness, WarningCode};
+use header::PlainHeader;
 
 /// Reads a PLY file as a mesh: text, or binary in either byte order. Errors name the file `name`.
 ///
 /// The reader uses the scalar properties `x`, `y`, `z` of `vertex`, of any number type, and the list `vertex_indices` or
 /// `vertex_index` of `face`, of any integer type, with indices from 0. It skips other properties and elements. Vertices keep
-/// their order; faces become triangle fans in file order. Without a `face` element, the mesh has no triangles.
+/// their order. Convex polygons become fans of triangles, concave ones are triangulated by ear clipping, in file order. Without a `face`
+/// element, the mesh has no triangles. The values of an element may be on several lines, but no line has those of two.
 ///
 /// # Errors
 ///
 /// [`LoadError`] with the line (header, text) or the element (binary): an invalid header, a name that is declared twice,
-/// missing or extra data, an invalid number, a coordinate that is not finite in `f32`, a face of fewer than three corners, an
-/// index out of range, triangle strips (`tristrips`).
+/// missing data, more values than an element has, an invalid number, a coordinate that is not finite in `f32`, a face of fewer than
+/// three corners, an index out of range, triangle strips (`tristrips`).
 pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
+    read_ply_with(bytes, name, &mut Report::new(Strictness::Usual))
+}
+
+/// [`read_ply`], with its warnings. A lenient reader leaves out damaged faces, and vertices that are not finite with the faces that use
+/// them.
+pub(crate) fn read_ply_with(
+    bytes: &[u8],
+    name: &str,
+    report: &mut Report,
+) -> Result<Mesh, LoadError> {
     let file = || name.to_owned();
+    let plain = PlainHeader::of(bytes);
     let parser = Parser::<Row>::new();
-    let mut reader = Reader::new(bytes);
+    let mut reader = Reader::new(plain.text.as_slice());
     let header = parser.read_header(&mut reader).map_err(|error| {
-        let line = error.line().unwrap_or(1);
-        let text = bytes
-            .split(|&byte| byte == b'\n')
-            .nth(line.saturating_sub(1));
-        match text.filter(|text| !text.is_empty()) {
-            Some(text) => LoadError::BadLine {
+        match plain.original(error.line().unwrap_or(1)) {
+            Some((line, text)) if plain.has_end || !text.is_empty() => LoadError::BadLine {
                 file: file(),
                 line,
                 problem: format!("bad header line: {}", quoted(text)),
             },
-            None => LoadError::BadHeader {
+            _ => LoadError::BadHeader {
                 file: file(),
                 problem: "`end_header` is missing".to_owned(),
             },
         }
     })?;
-    let line = reader.line();
-    let rest = reader.into_inner();
-    refuse_duplicates(&bytes[..bytes.len() - rest.len()], &header, name)?;
+    refuse_duplicates(&plain.text, &header, name)?;
     let mut elements = ElementReader {
         name,
         parser,
         encoding: header.encoding,
-        line,
-        rest,
+        next_line: plain.lines + 1,
+        element_line: plain.lines,
+        rest: plain.data,
     };
 
     let mut positions = Vec::new();
+    let mut not_finite = Vec::new();
     let mut faces = Faces::default();
     for element in header.elements.values() {
         let kind = ElementKind::of(element).map_err(|problem| LoadError::BadHeader {
@@ -77,23 +93,30 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
                 ElementKind::Vertex => {
                     let position = row.position.map(nearest);
                     if position.iter().any(|coordinate| !coordinate.is_finite()) {
-                        return Err(LoadError::NotFinite {
+                        let error = LoadError::NotFinite {
                             file: file(),
                             line,
                             vertex: index,
-                        });
+                        };
+                        let what = "a vertex is not finite; it is left out";
+                        let place = place(line, "vertex", index);
+                        report.leave_out(error, place, WarningCode::NotFinite, what)?;
+                        not_finite.push(positions.len());
                     }
                     positions.push(position);
                 }
                 ElementKind::Face if row.corners.len() < 3 => {
-                    return Err(LoadError::TooFewCorners {
+                    let error = LoadError::TooFewCorners {
                         file: file(),
                         line,
                         face: index,
                         corners: row.corners.len(),
-                    });
+                    };
+                    let what = "a face has fewer than three corners; it is left out";
+                    let place = place(line, "face", index);
+                    report.leave_out(error, place, WarningCode::FewCorners, what)?;
                 }
-                ElementKind::Face => faces.push(&row.corners, line),
+                ElementKind::Face => faces.push(index, &row.corners, line),
                 ElementKind::Other => {}
             }
         }
@@ -101,15 +124,30 @@ pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
     // A line end after the data is common and harmless.
     let left = elements.rest.trim_ascii();
     if !left.is_empty() {
-        return Err(LoadError::LeftOver {
-            file: file(),
-            bytes: left.len(),
-        });
+        let what = format!(
+            "{} bytes left over after the last element the header declares",
+            left.len()
+        );
+        report.warn(name, None, WarningCode::LeftOver, what);
     }
-    let triangles = faces.fans(positions.len(), name)?;
+    let triangles = faces.triangles(&positions, &not_finite, name, report)?;
+    // No face uses them: in the place of another one they change no box.
+    let finite = positions.iter().find(|at| at.iter().all(|x| x.is_finite()));
+    let finite = finite.copied().unwrap_or_default();
+    for vertex in not_finite {
+        positions[vertex] = finite;
+    }
     Mesh::new(positions, triangles).map_err(|source| LoadError::Mesh {
         file: file(),
         source,
+    })
+}
+
+/// A line of a text file, or an element of a binary one.
+fn place(line: Option<usize>, kind: &str, index: usize) -> Option<Place> {
+    Some(match line {
+        Some(line) => Place::Line(line),
+        None => Place::Element(kind.to_owned(), index),
     })
 }
 
@@ -189,41 +227,77 @@ struct Faces {
     corners: Vec<i64>,
     /// End of each face in `corners`.
     ends: Vec<usize>,
+    /// The number of each face in the file.
+    numbers: Vec<usize>,
     /// Line of each face in a text file; empty in a binary file.
     lines: Vec<usize>,
 }
 
 impl Faces {
-    fn push(&mut self, corners: &[i64], line: Option<usize>) {
+    fn push(&mut self, number: usize, corners: &[i64], line: Option<usize>) {
         self.corners.extend_from_slice(corners);
         self.ends.push(self.corners.len());
+        self.numbers.push(number);
         self.lines.extend(line);
     }
 
-    /// The triangle fans of all faces, after a check of their indices.
-    fn fans(&self, vertices: usize, name: &str) -> Result<Vec<[u32; 3]>, LoadError> {
+    /// The triangles of all faces, after a check of their indices. `not_finite` are vertices in ascending order.
+    fn triangles(
+        &self,
+        positions: &[[f32; 3]],
+        not_finite: &[usize],
+        name: &str,
+        report: &mut Report,
+    ) -> Result<Vec<[u32; 3]>, LoadError> {
+        let vertices = positions.len();
         let mut triangles = Vec::with_capacity(self.corners.len() - 2 * self.ends.len());
         let mut polygon = Vec::new();
         let mut start = 0;
-        for (face, &end) in self.ends.iter().enumerate() {
-            polygon.clear();
-            for &index in &self.corners[start..end] {
-                match u32::try_from(index) {
-                    Ok(corner) if (corner as usize) < vertices => polygon.push(corner),
-                    _ => {
-                        return Err(LoadError::IndexOutOfRange {
-                            file: name.to_owned(),
-                            line: self.lines.get(face).copied(),
-                            face,
-                            index,
-                            vertices,
-                        });
-                    }
-                }
-            }
-            let fan = polygon[1..].windows(2);
-            triangles.extend(fan.map(|edge| [polygon[0], edge[0], edge[1]]));
+        for (number, &end) in self.ends.iter().enumerate() {
+            let line = self.lines.get(number).copied();
+            let face = self.numbers[number];
+            let place = || place(line, "face", face);
+            let corners = &self.corners[start..end];
             start = end;
+            polygon.clear();
+            let there = corners.iter().map_while(|index| {
+                let corner = u32::try_from(*index).ok()?;
+                ((corner as usize) < vertices).then_some(corner)
+            });
+            polygon.extend(there);
+            if let Some(index) = corners.get(polygon.len()) {
+                let error = LoadError::IndexOutOfRange {
+                    file: name.to_owned(),
+                    line,
+                    face,
+                    index: *index,
+                    vertices,
+                };
+                let what = "a face has an index out of range; it is left out";
+                report.leave_out(error, place(), WarningCode::BadIndex, what)?;
+                continue;
+            }
+            let is_bad = |corner: &u32| not_finite.binary_search(&(*corner as usize)).is_ok();
+            if !not_finite.is_empty() && polygon.iter().any(is_bad) {
+                let what = "a face uses a vertex that is not finite; it is left out";
+                report.warn(name, place(), WarningCode::NotFinite, what);
+                continue;
+            }
+            if let &[a, b, c] = polygon.as_slice() {
+                triangles.push([a, b, c]);
+                continue;
+            }
+            let points: Vec<DVec3> = polygon
+                .iter()
+                .map(|corner| DVec3::from(positions[*corner as usize].map(f64::from)))
+                .collect();
+            let found = triangulate(&points);
+            if !found.is_simple {
+                let what = "a polygon crosses itself or has no area; it becomes a fan of triangles";
+                report.warn(name, place(), WarningCode::BadPolygon, what);
+            }
+            let corners = found.triangles.into_iter();
+            triangles.extend(corners.map(|corners| corners.map(|corner| polygon[corner])));
         }
         Ok(triangles)
     }
@@ -299,27 +373,31 @@ struct ElementReader<'a> {
     encoding: Encoding,
     rest: &'a [u8],
     /// Line number of the start of `rest`.
-    line: usize,
+    next_line: usize,
+    /// Line number of the start of the last element, in a text.
+    element_line: usize,
 }
+
+/// The words of an element of a text, line by line.
+struct Words<'r, 'a> {
+    reader: &'r mut ElementReader<'a>,
+    of_line: SplitAsciiWhitespace<'a>,
+    /// The lines that were begun.
+    lines: usize,
+}
+
+const TOO_FEW: &str = "too few values";
+const TOO_MANY: &str = "more values than the header declares";
 
 impl<'a> ElementReader<'a> {
     /// Line number of the last element, if the file is text.
     fn text_line(&self) -> Option<usize> {
-        (self.encoding == Encoding::Ascii).then(|| self.line - 1)
+        (self.encoding == Encoding::Ascii).then_some(self.element_line)
     }
 
     fn next_row(&mut self, element: &ElementDef, index: usize) -> Result<Row, LoadError> {
         let row = match self.encoding {
-            Encoding::Ascii => {
-                let Some(text) = self.next_line() else {
-                    return Err(self.truncated(element, index));
-                };
-                return text_row(text, element).map_err(|problem| LoadError::BadLine {
-                    file: self.name.to_owned(),
-                    line: self.line - 1,
-                    problem: format!("{} {index}: {problem}: {}", element.name, quoted(text)),
-                });
-            }
+            Encoding::Ascii => return self.next_text_row(element, index),
             Encoding::BinaryBigEndian => {
                 self.parser.read_big_endian_element(&mut self.rest, element)
             }
@@ -343,14 +421,33 @@ impl<'a> ElementReader<'a> {
         })
     }
 
+    fn next_text_row(&mut self, element: &ElementDef, index: usize) -> Result<Row, LoadError> {
+        let Some(first) = self.next_line() else {
+            return Err(self.truncated(element, index));
+        };
+        self.element_line = self.next_line - 1;
+        let row = text(first).and_then(|text| {
+            let mut words = Words {
+                reader: self,
+                of_line: text.split_ascii_whitespace(),
+                lines: 1,
+            };
+            words.row(element)
+        });
+        row.map_err(|problem| LoadError::BadLine {
+            file: self.name.to_owned(),
+            line: self.element_line,
+            problem: format!("{} {index}: {problem}: {}", element.name, quoted(first)),
+        })
+    }
+
     /// Takes the next line that is not blank.
     fn next_line(&mut self) -> Option<&'a [u8]> {
         while !self.rest.is_empty() {
-            let end = self.rest.iter().position(|&byte| byte == b'\n');
-            let end = end.unwrap_or(self.rest.len());
-            let line = self.rest[..end].trim_ascii();
-            self.rest = self.rest.get(end + 1..).unwrap_or_default();
-            self.line += 1;
+            let (line, rest) = header::first_line(self.rest);
+            self.rest = rest;
+            self.next_line += 1;
+            let line = line.trim_ascii();
             if !line.is_empty() {
                 return Some(line);
             }
@@ -368,33 +465,51 @@ impl<'a> ElementReader<'a> {
     }
 }
 
-fn text_row(line: &[u8], element: &ElementDef) -> Result<Row, &'static str> {
-    let text = std::str::from_utf8(line).map_err(|_| "not text")?;
-    let mut words = text.split_ascii_whitespace();
-    let mut row = Row::default();
-    for (property, definition) in &element.properties {
-        let word = words.next().ok_or("too few values")?;
-        match definition.data_type {
-            PropertyType::Scalar(ref scalar) => {
-                row.set(property, number(word, scalar)?);
+fn text(line: &[u8]) -> Result<&str, &'static str> {
+    std::str::from_utf8(line).map_err(|_| "not text")
+}
+
+impl<'a> Words<'_, 'a> {
+    /// The next word of the element, which may be on another line.
+    fn next(&mut self) -> Result<&'a str, &'static str> {
+        loop {
+            if let Some(word) = self.of_line.next() {
+                return Ok(word);
             }
-            PropertyType::List(_, ref scalar) => {
-                let count: usize = word.parse().map_err(|_| "bad list count")?;
-                let is_corners = is_corner_list(property);
-                for _ in 0..count {
-                    let word = words.next().ok_or("too few values")?;
-                    if is_corners {
-                        row.corners.push(word.parse().map_err(|_| "bad number")?);
-                    } else {
-                        number(word, scalar)?;
+            let line = self.reader.next_line().ok_or(TOO_FEW)?;
+            self.of_line = text(line)?.split_ascii_whitespace();
+            self.lines += 1;
+        }
+    }
+
+    fn row(&mut self, element: &ElementDef) -> Result<Row, &'static str> {
+        let mut row = Row::default();
+        for (property, definition) in &element.properties {
+            let word = self.next()?;
+            match definition.data_type {
+                PropertyType::Scalar(ref scalar) => {
+                    row.set(property, number(word, scalar)?);
+                }
+                PropertyType::List(_, ref scalar) => {
+                    let count: usize = word.parse().map_err(|_| "bad list count")?;
+                    let is_corners = is_corner_list(property);
+                    for _ in 0..count {
+                        let word = self.next()?;
+                        if is_corners {
+                            row.corners.push(word.parse().map_err(|_| "bad number")?);
+                        } else {
+                            number(word, scalar)?;
+                        }
                     }
                 }
             }
         }
-    }
-    match words.next() {
-        None => Ok(row),
-        Some(_) => Err("more values than the header declares"),
+        match self.of_line.next() {
+            None => Ok(row),
+            // The values of the next element.
+            Some(_) if self.lines > 1 => Err(TOO_FEW),
+            Some(_) => Err(TOO_MANY),
+        }
     }
 }
 

@@ -338,7 +338,11 @@ fn lenient_reading_skips_unknown_commands() {
     let scene = read(&[("scene.aff", "g 1 2 3 { }\ns 0 0 0 1")], &options).expect("lenient");
     assert_eq!(scene.parts[0].mesh.len(), 192);
     assert_eq!(
-        scene.warnings,
+        scene
+            .warnings
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>(),
         ["scene.aff: line 1: skipped unknown command `g`"]
     );
 }

@@ -20,7 +20,7 @@
 //! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are valid; the latter are never hit.
 #![cfg_attr(
     feature = "io",
-    doc = "[`load_mesh`] reads OBJ, PLY, glTF, AFF and NFF files; its errors name the file and the line or element."
+    doc = "[`load_mesh`] reads OBJ, PLY, glTF, AFF and NFF files; its errors name the file and the line or element. [`load_mesh_with`](load::load_mesh_with) also tells what was left out."
 )]
 //!
 //! # Building
@@ -145,6 +145,14 @@ pub use scene::{Frame, FrameData, MergeMethod, PartId, Scene, Strategy};
 /// Builds: progress and threads.
 pub mod build {
     pub use kd_sah::{BuildProgress, ThreadsError};
+}
+
+/// Files: how strictly they are read, and what was left out.
+#[cfg(feature = "io")]
+pub mod load {
+    pub use kd_scene::{
+        LoadOptions, Loaded, Place, Strictness, Warning, WarningCode, load_mesh_with,
+    };
 }
 
 /// The kd-tree and its file: nodes, references, limits.

@@ -4,10 +4,10 @@ use std::rc::Rc;
 
 use glam::{DVec3, Vec3};
 
-use super::polygon;
 use super::tokens::Tokens;
 use super::{Enclosing, Reader, narrow, transform, vector};
 use crate::draft::{PartDraft, SurfaceIds, Transform};
+use crate::polygon::triangulate;
 use crate::tessellate::{UnitSphere, circle_directions};
 use crate::{LoadError, MorphKey, Surface};
 
@@ -126,7 +126,7 @@ impl Reader<'_> {
         normals.resize(count, Vec3::ZERO);
         let vertices = corners.iter().copied().zip(normals);
         let vertices = add(draft, tokens, vertices)?;
-        for triangle in polygon::triangles(&corners) {
+        for triangle in triangulate(&corners).triangles {
             let corners = triangle.map(|corner| vertices[corner]);
             draft.triangle(corners.map(|(vertex, _)| vertex), ids);
             if has_normals {

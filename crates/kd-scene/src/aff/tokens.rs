@@ -2,6 +2,7 @@
 
 use crate::LoadError;
 use crate::error::quoted;
+use crate::report::Place;
 
 /// The tokens of a file, separated by white space and braces, without comments.
 #[derive(Debug)]
@@ -21,6 +22,11 @@ impl<'a> Tokens<'a> {
             line: 1,
             last_line: 1,
         }
+    }
+
+    /// The file and the place of the last token taken.
+    pub(super) fn place(&self) -> (&'a str, Option<Place>) {
+        (self.file, Some(Place::Line(self.last_line)))
     }
 
     /// The next token, without taking it.

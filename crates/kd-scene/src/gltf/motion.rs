@@ -25,7 +25,7 @@ impl Reader {
             return Ok(motion);
         };
         if document.animations().count() > 1 {
-            self.warn("only the first animation is read".to_owned());
+            self.warn("only the first animation is read");
         }
         let number = animation.index();
         let json = self.json.animations.get(number).cloned();
@@ -51,7 +51,7 @@ impl Reader {
                 ));
             };
             if property == Property::MorphTargetWeights {
-                self.warn("animated morph targets are ignored".to_owned());
+                self.warn("animated morph targets are ignored");
                 continue;
             }
             let times = self.numbers::<1>(sampler.input, false)?;

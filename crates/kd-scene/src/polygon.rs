@@ -1,0 +1,167 @@
+//! Triangulation of polygons, the same for all formats.
+
+use earcut::Earcut;
+use glam::{DVec2, DVec3};
+
+/// The triangles of a polygon.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Triangulation {
+    /// Indices of corners.
+    pub(crate) triangles: Vec<[usize; 3]>,
+    /// Whether the polygon has an area, and no edge that crosses another.
+    pub(crate) is_simple: bool,
+}
+
+/// Triangulates a polygon. Convex polygons become a fan from the first corner; concave polygons are triangulated by ear clipping.
+/// Polygons that cross themselves, or have no area, become a fan too.
+pub(crate) fn triangulate(corners: &[DVec3]) -> Triangulation {
+    let count = corners.len();
+    let fan = |is_simple| Triangulation {
+        triangles: (2..count).map(|i| [0, i - 1, i]).collect(),
+        is_simple,
+    };
+    if count <= 3 {
+        return fan(true);
+    }
+    let normal = newell(corners).normalize_or_zero();
+    if normal == DVec3::ZERO {
+        return fan(false);
+    }
+    if is_convex(corners, normal) {
+        return fan(true);
+    }
+    let (x, y) = normal.any_orthonormal_pair();
+    let flat: Vec<[f64; 2]> = corners
+        .iter()
+        .map(|corner| DVec2::new(corner.dot(x), corner.dot(y)).to_array())
+        .collect();
+    let mut found: Vec<usize> = Vec::new();
+    Earcut::new().earcut(flat.iter().copied(), &[], &mut found);
+    if found.len() != 3 * (count - 2) || !covers(&flat, &found) {
+        return fan(false);
+    }
+    Triangulation {
+        triangles: found.as_chunks::<3>().0.to_vec(),
+        is_simple: true,
+    }
+}
+
+/// Whether the areas of triangles add up to that of the polygon, as they do where no edges cross.
+fn covers(corners: &[[f64; 2]], triangles: &[usize]) -> bool {
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let next = corners.iter().cycle().skip(1);
+    let whole: f64 = corners.iter().zip(next).map(|(a, b)| cross(*a, *b)).sum();
+    let area = |[a, b, c]: [usize; 3]| {
+        let [a, b, c] = [a, b, c].map(|corner| corners[corner]);
+        cross([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]).abs()
+    };
+    let sum: f64 = triangles.as_chunks::<3>().0.iter().copied().map(area).sum();
+    (sum - whole.abs()).abs() <= 1e-6 * sum
+}
+/// A normal of the polygon by M. Newell's method, which works for every shape.
+fn newell(corners: &[DVec3]) -> DVec3 {
+    let next = corners.iter().cycle().skip(1);
+    corners
+        .iter()
+        .zip(next)
+        .fold(DVec3::ZERO, |sum, (a, b)| sum + a.cross(*b))
+}
+
+fn is_convex(corners: &[DVec3], normal: DVec3) -> bool {
+    let at = |i: usize| corners[i % corners.len()];
+    let turns = (0..corners.len()).map(|i| {
+        let (before, after) = (at(i + 1) - at(i), at(i + 2) - at(i + 1));
+        before.cross(after).dot(normal) / (before.length() * after.length()).max(f64::MIN_POSITIVE)
+    });
+    // The turn at a corner on a straight line is a rounding error.
+    let turns_left = turns.into_iter().all(|turn| turn > -1e-6);
+    // A polygon that goes around twice turns left everywhere too, but a fan of it turns back.
+    let mut fan = corners[1..].windows(2).map(|edge| {
+        let (to_first, to_second) = (edge[0] - corners[0], edge[1] - corners[0]);
+        to_first.cross(to_second).dot(normal)
+            / (to_first.length() * to_second.length()).max(f64::MIN_POSITIVE)
+    });
+    turns_left && fan.all(|turn| turn > -1e-6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(corners: &[DVec3], triangles: &[[usize; 3]]) -> f64 {
+        let normal = newell(corners).normalize();
+        let areas = triangles.iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|i| corners[i]);
+            0.5 * (b - a).cross(c - a).dot(normal)
+        });
+        areas
+            .map(|area| if area < 0.0 { f64::NAN } else { area })
+            .sum()
+    }
+
+    #[test]
+    fn convex_polygons_become_fans() {
+        let corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 2.0), (0.0, 1.0)];
+        let corners = corners.map(|(x, y)| DVec3::new(x, y, 0.5 * x));
+        let fan = triangulate(&corners);
+        assert_eq!(fan.triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
+        assert!(fan.is_simple);
+    }
+
+    #[test]
+    fn concave_polygons_are_covered_exactly_once() {
+        // An arrow, seen from both sides, and a comb.
+        let arrow = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (3.0, 1.0)];
+        let mut comb = vec![(0.0, 0.0), (9.0, 0.0)];
+        for tooth in (0..9).rev().map(f64::from) {
+            comb.extend([(tooth + 1.0, 2.0), (tooth + 0.5, 0.5)]);
+        }
+        comb.push((0.0, 2.0));
+        for shape in [arrow.to_vec(), arrow.into_iter().rev().collect(), comb] {
+            let corners: Vec<DVec3> = shape.iter().map(|(x, y)| DVec3::new(7.0, *x, *y)).collect();
+            let Triangulation {
+                triangles,
+                is_simple,
+            } = triangulate(&corners);
+            assert!(is_simple, "{shape:?}");
+            let whole = 0.5 * newell(&corners).length();
+            let sum = area(&corners, &triangles);
+            assert!(
+                (sum - whole).abs() < 1e-9,
+                "{sum} of {whole}: {triangles:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn polygons_without_area_become_fans() {
+        let line: Vec<DVec3> = (0..5).map(|i| DVec3::splat(f64::from(i))).collect();
+        let fan = triangulate(&line);
+        assert_eq!((fan.triangles.len(), fan.is_simple), (3, false));
+        assert_eq!(triangulate(&line[..2]).triangles, Vec::<[usize; 3]>::new());
+    }
+
+    #[test]
+    fn polygons_that_cross_themselves_become_fans() {
+        // A bow tie, a pentagram, and a loop at the end of a strip.
+        let star = [0, 2, 4, 1, 3].map(|corner| {
+            let turn = f64::from(corner) * std::f64::consts::TAU / 5.0;
+            (libm::cos(turn), libm::sin(turn))
+        });
+        let bow = [(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)];
+        let ribbon = [
+            (0.0, 0.0),
+            (4.0, 1.0),
+            (5.0, 0.0),
+            (5.0, 1.0),
+            (4.0, 0.0),
+            (0.0, 1.0),
+        ];
+        for shape in [bow.to_vec(), star.to_vec(), ribbon.to_vec()] {
+            let corners: Vec<DVec3> = shape.iter().map(|(x, y)| DVec3::new(*x, *y, 1.0)).collect();
+            let found = triangulate(&corners);
+            assert!(!found.is_simple, "{shape:?}");
+            assert_eq!(found.triangles.len(), shape.len() - 2);
+        }
+    }
+}
