@@ -10,7 +10,7 @@ use crate::LoadError;
 pub enum Strictness {
     /// Every warning is an error.
     Strict,
-    /// What a file has beside its geometry and what has one meaning only is a warning; a damaged element is an error.
+    /// What is not used, or harms nothing else, is a warning; a damaged element is an error.
     #[default]
     Usual,
     /// Damaged elements are left out too, with a warning, where the rest of the file can be read without them.
@@ -74,8 +74,6 @@ pub enum WarningCode {
     BadIndex,
     /// Data follows the last element.
     LeftOver,
-    /// Anything else, as its message says.
-    Other,
 }
 
 impl fmt::Display for Warning {
