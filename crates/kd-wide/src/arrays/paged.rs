@@ -47,10 +47,6 @@ impl<T> Paged<T> {
         self.all.truncate(len);
     }
 
-    pub(crate) fn as_ptr(&self) -> *const T {
-        self.all.as_ptr()
-    }
-
     /// Makes memory for so many more elements.
     pub(crate) fn reserve(&mut self, more: usize) {
         reserve(&mut self.all, more);
