@@ -464,7 +464,7 @@ impl Reader {
     }
 
     /// Notes that something is not used.
-    fn warn(&mut self, what: impl Into<String>) {
+    fn warn(&mut self, what: impl AsRef<str>) {
         self.report
             .warn(&self.file, None, WarningCode::Unused, what);
     }

@@ -99,6 +99,8 @@ pub(crate) struct Report {
     warnings: Vec<Warning>,
     /// The index of each warning, by its file and message.
     known: HashMap<(String, String), usize>,
+    /// The index of the warning that was met last.
+    last: usize,
 }
 
 impl Report {
@@ -107,6 +109,7 @@ impl Report {
             strictness,
             warnings: Vec::new(),
             known: HashMap::new(),
+            last: 0,
         }
     }
 
@@ -116,21 +119,29 @@ impl Report {
         file: &str,
         place: Option<Place>,
         code: WarningCode,
-        message: impl Into<String>,
+        message: impl AsRef<str>,
     ) {
-        let message = message.into();
+        let message = message.as_ref();
+        // Every vertex may have the same one.
+        if let Some(last) = self.warnings.get_mut(self.last)
+            && last.message == message
+            && last.file == file
+        {
+            last.count += 1;
+            return;
+        }
         let next = self.warnings.len();
-        let key = (file.to_owned(), message.clone());
-        let number = *self.known.entry(key).or_insert(next);
-        if number < next {
-            self.warnings[number].count += 1;
+        let key = (file.to_owned(), message.to_owned());
+        self.last = *self.known.entry(key).or_insert(next);
+        if let Some(known) = self.warnings.get_mut(self.last) {
+            known.count += 1;
             return;
         }
         self.warnings.push(Warning {
             file: file.to_owned(),
             place,
             code,
-            message,
+            message: message.to_owned(),
             count: 1,
         });
     }
@@ -152,5 +163,50 @@ impl Report {
 
     pub(crate) fn finish(self) -> Vec<Warning> {
         self.warnings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_warnings_are_one() {
+        let mut report = Report::new(Strictness::Usual);
+        for (line, message) in [(1, "a"), (2, "a"), (3, "b"), (4, "a"), (5, "b"), (6, "b")] {
+            report.warn("f", Some(Place::Line(line)), WarningCode::Unused, message);
+        }
+        report.warn("g", None, WarningCode::Unused, "b");
+        let texts: Vec<String> = report.finish().iter().map(ToString::to_string).collect();
+        let expected = [
+            "f: line 1: a (and 2 more)",
+            "f: line 3: b (and 2 more)",
+            "g: b",
+        ];
+        assert_eq!(texts, expected);
+    }
+
+    #[test]
+    fn only_a_lenient_report_leaves_out_damage() {
+        let error = || LoadError::TooFewCorners {
+            file: "f".into(),
+            line: None,
+            face: 7,
+            corners: 2,
+        };
+        for strictness in [Strictness::Strict, Strictness::Usual, Strictness::Lenient] {
+            let mut report = Report::new(strictness);
+            let place = Some(Place::Element("face".into(), 7));
+            let left_out = report.leave_out(error(), place, WarningCode::FewCorners, "gone");
+            let is_lenient = strictness == Strictness::Lenient;
+            assert_eq!(left_out.is_ok(), is_lenient, "{strictness:?}");
+            let texts: Vec<String> = report.finish().iter().map(ToString::to_string).collect();
+            let expected: &[&str] = if is_lenient {
+                &["f: face 7: gone"]
+            } else {
+                &[]
+            };
+            assert_eq!(texts, expected, "{strictness:?}");
+        }
     }
 }
