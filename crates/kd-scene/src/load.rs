@@ -61,7 +61,8 @@ impl LoadOptions {
 ///
 /// The content decides on the format where it identifies one, then the extension, in any case. Only geometry is read: of a scene
 /// that moves, the triangles of all parts in the first frame. Convex polygons become fans of triangles, concave ones are triangulated by
-/// ear clipping, in file order. A file without faces is an empty mesh. [`load_mesh_with`] tells what was left out.
+/// ear clipping, in file order. A file without faces is an empty mesh. [`load_mesh_with`] also returns warnings about what is
+/// left out.
 ///
 /// The whole file is held in memory while it is read; no allocation relies on a count that the file only claims.
 ///

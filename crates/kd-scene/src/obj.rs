@@ -29,7 +29,7 @@ use statements::{Statements, number, words};
 /// All objects, groups and materials form one mesh, with the faces in file order. Convex polygons become fans of triangles, concave ones
 /// are triangulated by ear clipping. Vertices are ordered by their first use in a face; unused vertices are dropped. Negative (relative)
 /// indices are valid, and so are faces before their vertices. Faces of fewer than three corners, weights, colors, points and lines
-/// are left out: [`load_mesh_with`](crate::load_mesh_with) tells of them. The whole file is held in memory.
+/// are left out; [`load_mesh_with`](crate::load_mesh_with) returns a warning for each kind. The whole file is held in memory.
 ///
 /// # Errors
 ///

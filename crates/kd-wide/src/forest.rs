@@ -105,7 +105,7 @@ impl WideForest {
         self.note_new(number)
     }
 
-    /// Makes memory for members that [`push`](Self::push) will copy from these trees. It then does not have to grow several times.
+    /// Reserves memory for the members that [`push`](Self::push) will copy from these trees, so that the arrays grow once.
     pub fn reserve<'t>(&mut self, trees: impl Iterator<Item = &'t WideTree> + Clone) {
         let arrays = &mut self.tree.arrays;
         arrays
@@ -215,9 +215,9 @@ impl WideForest {
 
     /// Joins the members, so that rays hit all of them. After any change of members, rays hit nothing until the next join.
     ///
-    /// From a thousand members on, a join after few changes repairs the nodes of the one before: its time grows with the number of
-    /// changed members and the logarithm of that of all. Once so many members have changed as there are, or once the SAH cost of these
-    /// nodes has grown by a twentieth, all members are joined again. Members that do not overlap then cost time by their number alone.
+    /// With a thousand members or more, a join after few changes repairs the nodes of the last join: its time is linear in the changed
+    /// members, and usually logarithmic in all members. All members are joined again when the changes since then outnumber the members, or
+    /// when the SAH cost of these nodes has grown by 5 %. The time of such a join is linear in the members that do not overlap.
     pub fn join(&mut self, options: Join) -> Joined {
         let at = self.edit();
         let top = match self.repaired(options, at) {

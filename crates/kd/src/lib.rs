@@ -20,7 +20,7 @@
 //! in range. The error names the vertex or the triangle. Empty meshes and triangles of zero area are valid; the latter are never hit.
 #![cfg_attr(
     feature = "io",
-    doc = "[`load_mesh`] reads OBJ, PLY, glTF, AFF and NFF files; its errors name the file and the line or element. [`load_mesh_with`](load::load_mesh_with) also tells what was left out."
+    doc = "[`load_mesh`] reads OBJ, PLY, glTF, AFF and NFF files; its errors name the file and the line or element. [`load_mesh_with`](load::load_mesh_with) also returns warnings about what is left out."
 )]
 //!
 //! # Building

@@ -47,7 +47,7 @@ impl<T> Paged<T> {
         self.all.truncate(len);
     }
 
-    /// Makes memory for so many more elements.
+    /// Reserves memory for this many more elements.
     pub(crate) fn reserve(&mut self, more: usize) {
         reserve(&mut self.all, more);
     }
@@ -177,7 +177,6 @@ mod tests {
                     0 if start + 200 > array.len() && array.len() > 5000 => array.truncate(start),
                     1 => {
                         let end = rng.usize(start..=array.len().min(start + 100));
-                        let end = end.max(start);
                         array.write(start..end, at).fill(round);
                     }
                     2 => array.move_down(start..array.len().min(start + 50), start / 2, at),

@@ -20,7 +20,7 @@ use crate::object_split::{Measured, ObjectSplit};
 
 /// An item is huge if its box has more than this part of the half area of the box of all.
 const HUGE: f32 = 0.1;
-/// At least so many items for each huge one.
+/// A cell has at least this many items per huge item.
 const PER_HUGE: usize = 1 << 12;
 /// The boxes of an object split overlap by at least this part of the half area of the box of all, where huge items inflate one.
 const LEAST_OVERLAP: f32 = 0.1;
@@ -30,7 +30,7 @@ const BELOW: f64 = 0.95;
 /// Huge items, and all others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HugeSplit {
-    /// That on which the centers of both boxes are furthest apart.
+    /// The axis on which the centers of both boxes are furthest apart.
     pub(super) axis: Axis,
     /// The number of items on the lower side.
     pub(super) lower: usize,

@@ -16,7 +16,8 @@ use crate::arrays::{Arrays, State};
 use crate::divide::MOST_DIVISIONS;
 use crate::node::{Child, WIDTH, WideNode};
 
-/// The fewest members whose top is repaired. A join of fewer takes less than a millisecond.
+/// The fewest members whose top is repaired. A join of fewer takes half a millisecond. (18 ms for 40 000 boxes of twelve triangles, a
+/// throw-away program, 2026-11-30.)
 const MANY: usize = 1000;
 /// A repair changes at most one in this many members.
 const ONE_IN: usize = 32;
