@@ -11,12 +11,12 @@ mod statements;
 
 use std::io::BufRead;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use kd_core::Mesh;
 
 use crate::LoadError;
 use crate::error::quoted;
-use crate::polygon::triangulate;
+use crate::polygon::triangles_of_face;
 use crate::report::{Place, Report, Strictness, WarningCode};
 #[cfg(feature = "scenes")]
 pub use scene::read_obj_scene;
@@ -213,17 +213,10 @@ impl Geometry {
                 add([0, 1, 2]);
                 continue;
             }
-            let points: Vec<DVec3> = corners
-                .iter()
-                .map(|corner| DVec3::from(positions[*corner as usize].map(f64::from)))
-                .collect();
-            let polygon = triangulate(&points);
-            if !polygon.is_simple {
-                let place = Some(Place::Element("face".to_owned(), face));
-                let what = "a polygon crosses itself or has no area; it becomes a fan of triangles";
-                report.warn(name, place, WarningCode::BadPolygon, what);
-            }
-            polygon.triangles.into_iter().for_each(&mut add);
+            let place = || Some(Place::Element("face".to_owned(), face));
+            triangles_of_face(corners, &positions, name, place, report)
+                .into_iter()
+                .for_each(&mut add);
         }
         Mesh::new(positions, triangles).map_err(|source| LoadError::Mesh {
             file: name.to_owned(),

@@ -9,7 +9,6 @@ mod header;
 
 use std::str::SplitAsciiWhitespace;
 
-use glam::DVec3;
 use kd_core::Mesh;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
@@ -18,7 +17,7 @@ use ply_rs_bw::ply::{
 
 use crate::LoadError;
 use crate::error::quoted;
-use crate::polygon::triangulate;
+use crate::polygon::triangles_of_face;
 use crate::report::{Place, Report, Strictness, WarningCode};
 use header::PlainHeader;
 
@@ -287,16 +286,8 @@ impl Faces {
                 triangles.push([a, b, c]);
                 continue;
             }
-            let points: Vec<DVec3> = polygon
-                .iter()
-                .map(|corner| DVec3::from(positions[*corner as usize].map(f64::from)))
-                .collect();
-            let found = triangulate(&points);
-            if !found.is_simple {
-                let what = "a polygon crosses itself or has no area; it becomes a fan of triangles";
-                report.warn(name, place(), WarningCode::BadPolygon, what);
-            }
-            let corners = found.triangles.into_iter();
+            let found = triangles_of_face(&polygon, positions, name, place, report);
+            let corners = found.into_iter();
             triangles.extend(corners.map(|corners| corners.map(|corner| polygon[corner])));
         }
         Ok(triangles)

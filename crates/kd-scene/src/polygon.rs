@@ -3,6 +3,8 @@
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
+use crate::report::{Place, Report, WarningCode};
+
 /// The triangles of a polygon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Triangulation {
@@ -44,6 +46,25 @@ pub(crate) fn triangulate(corners: &[DVec3]) -> Triangulation {
         triangles: found.as_chunks::<3>().0.to_vec(),
         is_simple: true,
     }
+}
+
+/// The triangles of a face, as numbers of its corners; `corners` are indices of positions. Warns of a face that is not simple, at
+/// `place` in `file`.
+pub(crate) fn triangles_of_face(
+    corners: &[u32],
+    positions: &[[f32; 3]],
+    file: &str,
+    place: impl FnOnce() -> Option<Place>,
+    report: &mut Report,
+) -> Vec<[usize; 3]> {
+    let at = |corner: &u32| DVec3::from(positions[*corner as usize].map(f64::from));
+    let points: Vec<DVec3> = corners.iter().map(at).collect();
+    let polygon = triangulate(&points);
+    if !polygon.is_simple {
+        let what = "a polygon crosses itself or has no area; it becomes a fan of triangles";
+        report.warn(file, place(), WarningCode::BadPolygon, what);
+    }
+    polygon.triangles
 }
 
 /// Whether the areas of triangles add up to that of the polygon, as they do where no edges cross.
