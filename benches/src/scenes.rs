@@ -107,11 +107,7 @@ impl SceneSource {
             Origin::File { path, view } => {
                 let mesh = Arc::new(kd::load_mesh(path)?);
                 let (camera, light) = view.resolve(mesh.bounds());
-                let lamp = Light {
-                    position: light,
-                    color: Vec3::ONE,
-                    keys: None,
-                };
+                let lamp = Light::point(light, Vec3::ONE);
                 let description = SceneDescription {
                     camera: Some(camera),
                     lights: vec![lamp],

@@ -47,10 +47,22 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("kd: {error:#}");
+            eprintln!("kd: {}", text(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// The text of an error and of its causes, unless an error has that of its cause already.
+fn text(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        let cause = cause.to_string();
+        if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
 
 #[cfg(test)]
@@ -58,6 +70,16 @@ mod tests {
     use clap::CommandFactory;
 
     use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let missing = anyhow::Error::new(std::io::Error::other("gone"));
+        assert_eq!(text(&missing.context("a.obj")), "a.obj: gone");
+        let loaded = kd_scene::load_mesh("no-such.obj").expect_err("missing");
+        let with_context = anyhow::Error::new(loaded).context("scene");
+        let told = text(&with_context);
+        assert_eq!(told.matches("os error 2").count(), 1, "{told}");
+    }
 
     #[test]
     fn the_command_line_is_well_formed() {

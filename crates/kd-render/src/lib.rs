@@ -23,6 +23,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod light;
 mod path_tracer;
 mod picture;
 mod random;

@@ -63,14 +63,15 @@ pub(crate) fn trace(
             // Mirrors and glass are treated as diffuse surfaces of the same reflectance.
             let material = point.material;
             let reflectance = (material.diffuse * point.texture + material.mirror).min(Vec3::ONE);
+            colors[path.sample] += path.weight * material.emission;
             let weight = path.weight * reflectance;
             if !lights.is_empty() {
                 // One light, chosen at random, represents all of them.
                 let light = &lights[path.random.usize(..lights.len())];
-                let to_light = (light.position - point.at).normalize_or_zero();
+                let (to_light, arriving) = light.seen_from(point.at);
                 let facing = to_light.dot(point.normal);
                 if facing > 0.0 && to_light.dot(point.flat_normal) > 0.0 {
-                    let color = weight * light.color * facing * lights.len() as f32;
+                    let color = weight * arriving * facing * lights.len() as f32;
                     shadow_rays.push(&point, light, path.sample, color);
                 }
             }

@@ -5,9 +5,10 @@ use kd::glam::Vec3;
 use kd_scene::{Camera, View};
 use rayon::prelude::*;
 
+use crate::light::ShownLight;
 use crate::path_tracer;
 use crate::picture::Picture;
-use crate::stage::{ShownLight, Stage};
+use crate::stage::Stage;
 use crate::tracer::Tracer;
 use crate::whitted;
 

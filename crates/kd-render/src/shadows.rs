@@ -3,8 +3,8 @@
 use kd::Ray;
 use kd::glam::Vec3;
 
+use crate::light::ShownLight;
 use crate::render::RayCounts;
-use crate::stage::ShownLight;
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
@@ -31,7 +31,7 @@ impl ShadowRays {
         sample: usize,
         color: Vec3,
     ) {
-        self.rays.push(Ray::between(point.above(), light.position));
+        self.rays.push(light.shadow_ray(point.above()));
         self.contributions.push((sample, color));
     }
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use kd::glam::{Affine3A, DVec3, Mat3A, Vec3};
 use kd::scene::{CommitError, CommitReport, SceneError};
 use kd::{Aabb, BuildOptions, Mesh, MeshError, PartId, Scene, Strategy};
-use kd_scene::{Camera, Part, SceneDescription, TextureSource, light_above};
+use kd_scene::{Camera, Light, Part, SceneDescription, TextureSource, light_above};
 use thiserror::Error;
 
+use crate::light::ShownLight;
 use crate::texture::TextureImage;
 use crate::tracer::FrameTracer;
 
@@ -37,13 +38,6 @@ pub(crate) struct ShownPart {
     pub(crate) inverse_transpose: Mat3A,
     /// Vertex normals of a deformed part, in the coordinates of its node; empty if the part does not deform.
     pub(crate) morphed_normals: Vec<[Vec3; 3]>,
-}
-
-/// A light at the current time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ShownLight {
-    pub(crate) position: Vec3,
-    pub(crate) color: Vec3,
 }
 
 /// Why a [`Stage`] cannot be built or moved.
@@ -225,15 +219,11 @@ impl Stage {
 
     /// The first `max` lights at the current time.
     pub(crate) fn lights(&self, max: usize) -> Vec<ShownLight> {
-        let default = self.default_light.map(|position| ShownLight {
-            position,
-            color: Vec3::ONE,
-        });
-        let own = self.description.lights.iter().map(|light| ShownLight {
-            position: light.position_at(self.time),
-            color: light.color,
-        });
-        own.chain(default).take(max).collect()
+        let default = self.default_light.map(|at| Light::point(at, Vec3::ONE));
+        let nodes = self.description.placed_nodes(self.time);
+        let lights = self.description.lights.iter().chain(&default);
+        let shown = lights.map(|light| ShownLight::new(light, self.time, &nodes));
+        shown.take(max).collect()
     }
 }
 

@@ -22,7 +22,7 @@ pub(crate) struct SurfacePoint<'a> {
     /// Whether the ray arrives from the outside of the surface.
     pub(crate) is_outside: bool,
     pub(crate) material: &'a Material,
-    /// Color of the texture, a factor on the colors of the material; 1 without a texture.
+    /// Color of the texture and of the vertices, a factor on the colors of the material; 1 without any.
     pub(crate) texture: Vec3,
 }
 
@@ -82,7 +82,7 @@ impl<'a> SurfacePoint<'a> {
                 texture_at(stage, &part.surface, triangle, weights)
             } else {
                 Vec3::ONE
-            },
+            } * color_at(&part.surface, triangle, weights),
         })
     }
 
@@ -95,6 +95,15 @@ impl<'a> SurfacePoint<'a> {
     pub(crate) fn below(&self) -> Vec3 {
         self.mesh.offset_origin(&self.hit, -self.flat_normal)
     }
+}
+
+/// The interpolated color of the vertices; 1 without colors.
+#[inline]
+fn color_at(surface: &Surface, triangle: usize, weights: Vec3) -> Vec3 {
+    let colors = surface.colors.get(triangle);
+    colors.map_or(Vec3::ONE, |[a, b, c]| {
+        weights.x * *a + weights.y * *b + weights.z * *c
+    })
 }
 
 #[inline]

@@ -16,7 +16,7 @@ pub(crate) struct TextureImage {
 }
 
 impl TextureImage {
-    /// Decodes PNG, JPEG or PNM. The content decides the format, not the file name.
+    /// Decodes PNG, JPEG, WebP or PNM. The content decides the format, not the file name.
     pub(crate) fn load(source: &TextureSource, colors: ColorSpace) -> Result<Self, ImageError> {
         let image = match source {
             TextureSource::File(path) => image::ImageReader::open(path)?

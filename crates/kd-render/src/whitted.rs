@@ -8,9 +8,9 @@ use kd::Ray;
 use kd::glam::Vec3;
 use kd_scene::Material;
 
+use crate::light::ShownLight;
 use crate::render::{Bucket, RayCounts, RenderContext};
 use crate::shadows::ShadowRays;
-use crate::stage::ShownLight;
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
@@ -102,7 +102,8 @@ pub(crate) fn trace(
             let ray = &wave.rays[index];
             if let Some(point) = SurfacePoint::new(stage, options.textures, ray, hit) {
                 let ambient = stage.description().ambient * point.material.ambient;
-                colors[path.sample] += path.weight * ambient * point.texture;
+                let own = ambient * point.texture + point.material.emission;
+                colors[path.sample] += path.weight * own;
                 points.push(VisiblePoint { ray: index, point });
             }
         }
@@ -138,7 +139,7 @@ fn add_light(
     let mut shadow_rays = ShadowRays::with_capacity(points.len());
     for VisiblePoint { ray, point } in points {
         let (ray, path) = (&wave.rays[*ray], &wave.paths[*ray]);
-        let to_light = (light.position - point.at).normalize_or_zero();
+        let (to_light, arriving) = light.seen_from(point.at);
         if to_light.dot(point.flat_normal) <= 0.0 {
             continue;
         }
@@ -149,7 +150,7 @@ fn add_light(
             to_light,
             ray.direction,
         );
-        let color = path.weight * light.color * color;
+        let color = path.weight * arriving * color;
         if color.max_element() > 0.0 {
             shadow_rays.push(point, light, path.sample, color);
         }

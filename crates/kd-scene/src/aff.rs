@@ -83,6 +83,20 @@ pub fn read_aff(
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
     options: &AffOptions,
 ) -> Result<SceneDescription, LoadError> {
+    let mut report = Report::new(Strictness::Usual);
+    let mut scene = read_aff_with(path, files, options, &mut report)?;
+    scene.warnings = report.finish();
+    Ok(scene)
+}
+
+/// [`read_aff`], with its warnings in the report. A lenient reader skips unknown commands, and leaves out polygons of fewer than three
+/// corners.
+pub(crate) fn read_aff_with(
+    path: &Path,
+    files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
+    options: &AffOptions,
+    report: &mut Report,
+) -> Result<SceneDescription, LoadError> {
     let file = path.display().to_string();
     let bytes = read_file(path, files)?;
     let scene = SceneDescription {
@@ -93,7 +107,7 @@ pub fn read_aff(
         options,
         files,
         scene,
-        report: Report::new(Strictness::Usual),
+        report,
         detail: options.detail,
         drafts: Vec::new(),
         draft_of: HashMap::new(),
@@ -129,7 +143,7 @@ struct Reader<'a> {
     options: &'a AffOptions,
     files: &'a mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
     scene: SceneDescription,
-    report: Report,
+    report: &'a mut Report,
     detail: u32,
     drafts: Vec<PartDraft>,
     /// Index of the draft for a node, separately for triangles that change their shape.
@@ -187,10 +201,9 @@ impl Reader<'_> {
                 b"x" => self.animated_block(tokens, enclosing)?,
                 b"k" => self.key_set(tokens)?,
                 b"a" => self.span(tokens)?,
-                _ if self.options.lenient => {
+                _ if self.options.lenient || self.report.is_lenient() => {
                     let what = format!("skipped unknown command {}", quoted(command));
-                    let (file, place) = tokens.place();
-                    self.report.warn(file, place, WarningCode::Unused, what);
+                    self.warn(tokens, WarningCode::Unused, what);
                     tokens.skip_line();
                 }
                 _ => {
@@ -219,16 +232,18 @@ impl Reader<'_> {
             )));
         }
         // The near plane has no meaning for rays.
-        tokens.expect("hither")?;
-        tokens.number("hither")?;
-        tokens.expect("resolution")?;
-        let resolution = [tokens.count("the width")?, tokens.count("the height")?];
-        let resolution = resolution.map(|count| u32::try_from(count).ok().filter(|n| *n > 0));
-        let [Some(width), Some(height)] = resolution else {
-            return Err(
-                tokens.error("the width and height of the picture must be from 1 to 4294967295")
-            );
-        };
+        if tokens.take_if("hither") {
+            tokens.number("hither")?;
+        }
+        if tokens.take_if("resolution") {
+            let resolution = [tokens.count("the width")?, tokens.count("the height")?];
+            let resolution = resolution.map(|count| u32::try_from(count).ok().filter(|n| *n > 0));
+            let [Some(width), Some(height)] = resolution else {
+                let problem = "the width and height of the picture must be from 1 to 4294967295";
+                return Err(tokens.error(problem));
+            };
+            self.scene.resolution = Some([width, height]);
+        }
         #[expect(clippy::cast_possible_truncation, reason = "between 0 and 180")]
         let fov_degrees = angle as f32;
         self.scene.camera = Some(Camera {
@@ -237,7 +252,6 @@ impl Reader<'_> {
             up: up.as_vec3(),
             fov_degrees,
         });
-        self.scene.resolution = Some([width, height]);
         Ok(())
     }
 
@@ -251,44 +265,47 @@ impl Reader<'_> {
         if let Some(name) = keys {
             self.moving_lights.push((self.scene.lights.len(), name));
         }
-        self.scene.lights.push(Light {
-            position,
-            color,
-            keys: None,
-        });
+        self.scene.lights.push(Light::point(position, color));
         Ok(())
     }
 
-    /// `f` of NFF: one color, and its diffuse and specular shares.
+    /// `f` of NFF: one color, its diffuse and specular shares, shine, transmittance and index of refraction. Old files have the color
+    /// alone.
     fn simple_material(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
         let color = color(tokens, "a color")?;
-        let [diffuse_share, specular_share] = tokens.numbers("the diffuse and specular shares")?;
-        let diffuse = color * narrow(diffuse_share);
-        self.add_material(
-            tokens,
-            diffuse,
-            diffuse,
-            Vec3::splat(narrow(specular_share)),
-        )
+        let mut numbers = [1.0, 0.0, 0.0, 0.0, 1.0];
+        let mut count = 0;
+        while count < numbers.len() && tokens.is_number_next() {
+            numbers[count] = tokens.number("a property of a material")?;
+            count += 1;
+        }
+        if count < numbers.len() {
+            let what = "a fill has fewer than eight numbers; the surface is diffuse and opaque";
+            self.warn(tokens, WarningCode::BadMaterial, what);
+        }
+        let [diffuse, specular, rest @ ..] = numbers;
+        let diffuse = color * narrow(diffuse);
+        self.add_material(diffuse, diffuse, Vec3::splat(narrow(specular)), rest);
+        Ok(())
     }
 
-    /// `fm`: ambient, diffuse and specular colors.
+    /// `fm`: ambient, diffuse and specular colors, shine, transmittance and index of refraction.
     fn material(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
         let ambient = color(tokens, "an ambient color")?;
         let diffuse = color(tokens, "a diffuse color")?;
         let specular = color(tokens, "a specular color")?;
-        self.add_material(tokens, ambient, diffuse, specular)
+        let rest = tokens.numbers("shine, transmittance and index of refraction")?;
+        self.add_material(ambient, diffuse, specular, rest);
+        Ok(())
     }
 
     fn add_material(
         &mut self,
-        tokens: &mut Tokens<'_>,
         ambient: Vec3,
         diffuse: Vec3,
         specular: Vec3,
-    ) -> Result<(), LoadError> {
-        let [shine, transmittance, refraction] =
-            tokens.numbers("shine, transmittance and index of refraction")?;
+        [shine, transmittance, refraction]: [f64; 3],
+    ) {
         let material = Material {
             ambient,
             diffuse,
@@ -297,12 +314,18 @@ impl Reader<'_> {
             shine: narrow(shine.max(0.0)),
             transmittance: narrow(transmittance.clamp(0.0, 1.0)),
             refraction: narrow(refraction),
+            emission: Vec3::ZERO,
         };
         // Repeated includes repeat the same material.
         if self.scene.materials.last() != Some(&material) {
             self.scene.materials.push(material);
         }
-        Ok(())
+    }
+
+    /// Notes something at the last token.
+    fn warn(&mut self, tokens: &Tokens<'_>, code: WarningCode, what: impl AsRef<str>) {
+        let (file, place) = tokens.place();
+        self.report.warn(file, place, code, what);
     }
 
     fn span(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
@@ -454,7 +477,6 @@ impl Reader<'_> {
 
     fn finish(self, file: String) -> Result<SceneDescription, LoadError> {
         let mut scene = self.scene;
-        scene.warnings = self.report.finish();
         for node in &mut scene.nodes {
             node.keys = self.keys.get(&node.name).cloned();
         }

@@ -7,6 +7,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use kd_core::{Mesh, MeshError};
 
 use crate::keys::Keys;
+use crate::keys::sampled::Sampled;
 use crate::report::Warning;
 use crate::{Camera, SceneSetup};
 
@@ -21,7 +22,7 @@ pub struct SceneDescription {
     pub camera: Option<Camera>,
     /// Width and height of the picture in pixels, if the file specifies them.
     pub resolution: Option<[u32; 2]>,
-    /// Point lights, in file order.
+    /// Lights, in file order.
     pub lights: Vec<Light>,
     /// Materials, which [`Surface::materials`] index.
     pub materials: Vec<Material>,
@@ -86,15 +87,36 @@ impl ColorSpace {
     }
 }
 
-/// A point light.
+/// A light without extent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
-    /// Position without animation, in scene units.
+    /// How it emits.
+    pub kind: LightKind,
+    /// Position without animation, in the coordinates of the node or of the scene.
     pub position: Vec3,
-    /// Emitted color, as red, green and blue.
+    /// Emitted color, as red, green and blue. It does not fade with distance.
     pub color: Vec3,
     /// Key frames of an offset from [`position`](Self::position).
     pub keys: Option<Arc<Keys>>,
+    /// The node of the light. Lights that have a direction emit along the negative z axis of the node.
+    pub node: Option<usize>,
+}
+
+/// How a light emits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum LightKind {
+    /// In all directions alike.
+    #[default]
+    Point,
+    /// In one direction, from infinitely far away.
+    Directional,
+    /// Into a cone.
+    Spot {
+        /// Angle from the axis up to which the light has its full strength, in radians.
+        inner: f32,
+        /// Angle from the axis beyond which there is no light, in radians.
+        outer: f32,
+    },
 }
 
 /// Reflection properties of a surface, as in the models of Phong and Whitted.
@@ -114,6 +136,8 @@ pub struct Material {
     pub transmittance: f32,
     /// Index of refraction. 0 and 1 do not change the direction of light.
     pub refraction: f32,
+    /// Light that the surface itself sends to the eye, per channel.
+    pub emission: Vec3,
 }
 
 impl Default for Material {
@@ -127,6 +151,7 @@ impl Default for Material {
             shine: 0.0,
             transmittance: 0.0,
             refraction: 1.0,
+            emission: Vec3::ZERO,
         }
     }
 }
@@ -184,6 +209,21 @@ pub enum Deformation {
     Morph(Morph),
     /// Vertices follow joints.
     Skin(Skin),
+    /// The mesh is blended with others of the same vertices.
+    Targets(MorphTargets),
+}
+
+/// Shapes that a mesh is blended with, each with a weight that changes over time (glTF 2.0, §3.7.2.2).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MorphTargets {
+    /// For each target, an offset for each vertex.
+    pub offsets: Vec<Vec<Vec3>>,
+    /// For each target, offsets of the normals at the corners of each triangle; empty if the target has none.
+    pub normals: Vec<Vec<[Vec3; 3]>>,
+    /// For each target, the curve of its weight.
+    pub(crate) weights: Vec<Sampled<f64>>,
+    /// The joints that the blended vertices follow.
+    pub skin: Option<Skin>,
 }
 
 /// Linear blend skinning with up to four joints per vertex (glTF 2.0, §3.7.3).
@@ -209,6 +249,8 @@ pub struct Surface {
     pub normals: Vec<[Vec3; 3]>,
     /// Texture coordinates `[u, v]` of the three corners, with period 1 and `v` from the top. Empty if no triangle has any.
     pub uvs: Vec<[[f32; 2]; 3]>,
+    /// Colors at the three corners, factors on those of the material as textures are. Empty if no triangle has any.
+    pub colors: Vec<[Vec3; 3]>,
 }
 
 impl Surface {
@@ -219,7 +261,8 @@ impl Surface {
 /// Triangles that move linearly between their own keys.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Morph {
-    /// For each triangle of the part, at least one key, in ascending order of time.
+    /// For each triangle of the part, at least one key, in ascending order of time. Where times go back, the first segment that ends after
+    /// a time counts.
     pub keys: Vec<Vec<MorphKey>>,
 }
 
@@ -284,11 +327,9 @@ impl SceneDescription {
     pub fn of_setup(setup: SceneSetup) -> Self {
         // The lights together are as bright as a single white one.
         let brightness = 1.0 / setup.lights.len().max(1) as f32;
-        let lights = setup.lights.iter().map(|position| Light {
-            position: *position,
-            color: Vec3::splat(brightness),
-            keys: None,
-        });
+        let color = Vec3::splat(brightness);
+        let lights = setup.lights.iter();
+        let lights = lights.map(|position| Light::point(*position, color));
         Self {
             lights: lights.collect(),
             camera: Some(setup.camera),
@@ -393,17 +434,16 @@ impl Part {
     /// The positions of the vertices at `time`, in seconds, before the node moves them; `None` for rigid parts. `nodes` are the
     /// [transforms of the nodes](SceneDescription::placed_nodes) at that time.
     pub fn deformed(&self, time: f64, nodes: &[DAffine3]) -> Option<Vec<[f32; 3]>> {
+        let positions = || self.mesh.positions().to_vec();
         Some(match self.deformation.as_ref()? {
             Deformation::Morph(morph) => morph.positions_at(time),
-            Deformation::Skin(skin) => {
-                let joints = skin.placed_joints(nodes);
-                let moved = self.mesh.positions().iter().zip(&skin.influences);
-                let moved = moved.map(|(position, influences)| {
-                    let position = Vec3::from(*position).as_dvec3();
-                    let at = blended(influences, |joint| joints[joint].transform_point3(position));
-                    at.unwrap_or(position).as_vec3().to_array()
-                });
-                moved.collect()
+            Deformation::Skin(skin) => skin.moved(positions(), nodes),
+            Deformation::Targets(targets) => {
+                let blended = targets.blended(positions(), time);
+                match &targets.skin {
+                    Some(skin) => skin.moved(blended, nodes),
+                    None => blended,
+                }
             }
         })
     }
@@ -411,27 +451,91 @@ impl Part {
     /// The normals at the three corners of each triangle at `time`, with the arguments of [`deformed`](Self::deformed); `None`
     /// for rigid parts.
     pub fn deformed_normals(&self, time: f64, nodes: &[DAffine3]) -> Option<Vec<[Vec3; 3]>> {
+        let normals = || self.surface.normals.clone();
+        let triangles = self.mesh.triangles();
         Some(match self.deformation.as_ref()? {
             Deformation::Morph(morph) => morph.normals_at(time),
-            Deformation::Skin(skin) => {
-                let joints = skin.placed_joints(nodes);
-                let triangles = self.mesh.triangles().iter().zip(&self.surface.normals);
-                let moved = triangles.map(|(corners, normals)| {
-                    std::array::from_fn(|i| {
-                        let influences = &skin.influences[corners[i] as usize];
-                        let normal = normals[i].as_dvec3();
-                        let moved =
-                            blended(influences, |joint| joints[joint].transform_vector3(normal));
-                        moved.unwrap_or(normal).as_vec3()
-                    })
-                });
-                moved.collect()
+            Deformation::Skin(skin) => skin.moved_normals(normals(), triangles, nodes),
+            Deformation::Targets(targets) => {
+                let blended = targets.blended_normals(normals(), time);
+                match &targets.skin {
+                    Some(skin) => skin.moved_normals(blended, triangles, nodes),
+                    None => blended,
+                }
             }
         })
     }
 }
 
+impl MorphTargets {
+    /// The weights of the targets at `time`, in seconds.
+    pub fn weights_at(&self, time: f64) -> Vec<f64> {
+        self.weights.iter().map(|curve| curve.at(time)).collect()
+    }
+
+    /// The positions of the vertices at `time`, from those without targets.
+    fn blended(&self, mut positions: Vec<[f32; 3]>, time: f64) -> Vec<[f32; 3]> {
+        for (weight, offsets) in self.weights_at(time).into_iter().zip(&self.offsets) {
+            if weight == 0.0 {
+                continue;
+            }
+            for (position, offset) in positions.iter_mut().zip(offsets) {
+                let moved = Vec3::from(*position).as_dvec3() + weight * offset.as_dvec3();
+                *position = moved.as_vec3().to_array();
+            }
+        }
+        positions
+    }
+
+    /// The normals at the corners of the triangles at `time`, from those without targets.
+    fn blended_normals(&self, mut normals: Vec<[Vec3; 3]>, time: f64) -> Vec<[Vec3; 3]> {
+        for (weight, offsets) in self.weights_at(time).into_iter().zip(&self.normals) {
+            for (normal, offset) in normals.iter_mut().flatten().zip(offsets.iter().flatten()) {
+                *normal += narrow(weight) * *offset;
+            }
+        }
+        normals
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding is intended")]
+fn narrow(number: f64) -> f32 {
+    number as f32
+}
+
 impl Skin {
+    /// The positions of vertices that follow the joints.
+    fn moved(&self, mut positions: Vec<[f32; 3]>, nodes: &[DAffine3]) -> Vec<[f32; 3]> {
+        let joints = self.placed_joints(nodes);
+        for (position, influences) in positions.iter_mut().zip(&self.influences) {
+            let at = Vec3::from(*position).as_dvec3();
+            if let Some(at) = blended(influences, |joint| joints[joint].transform_point3(at)) {
+                *position = at.as_vec3().to_array();
+            }
+        }
+        positions
+    }
+
+    /// The normals at the corners of triangles that follow the joints.
+    fn moved_normals(
+        &self,
+        mut normals: Vec<[Vec3; 3]>,
+        triangles: &[[u32; 3]],
+        nodes: &[DAffine3],
+    ) -> Vec<[Vec3; 3]> {
+        let joints = self.placed_joints(nodes);
+        for (normals, corners) in normals.iter_mut().zip(triangles) {
+            for (normal, corner) in normals.iter_mut().zip(corners) {
+                let influences = &self.influences[*corner as usize];
+                let of = |joint: usize| joints[joint].transform_vector3(normal.as_dvec3());
+                if let Some(moved) = blended(influences, of) {
+                    *normal = moved.as_vec3();
+                }
+            }
+        }
+        normals
+    }
+
     /// For each joint, the transform from mesh coordinates to scene coordinates.
     fn placed_joints(&self, nodes: &[DAffine3]) -> Vec<DAffine3> {
         let joints = self.joints.iter().zip(&self.inverse_binds);
@@ -455,13 +559,32 @@ fn blended(influences: &[(u16, f32); 4], by: impl Fn(usize) -> DVec3) -> Option<
 }
 
 impl Light {
-    /// The position at `time`, in seconds.
-    pub fn position_at(&self, time: f64) -> Vec3 {
-        let moved = self
-            .keys
-            .as_ref()
-            .map_or(DVec3::ZERO, |keys| keys.translation(time));
-        (self.position.as_dvec3() + moved).as_vec3()
+    /// A point light that does not move.
+    pub fn point(position: Vec3, color: Vec3) -> Self {
+        Self {
+            kind: LightKind::Point,
+            position,
+            color,
+            keys: None,
+            node: None,
+        }
+    }
+
+    /// The position and the unit direction at `time`, in seconds. `nodes` are the
+    /// [transforms of the nodes](SceneDescription::placed_nodes) at that time. A light without a node looks along the negative z axis.
+    ///
+    /// # Panics
+    ///
+    /// If the node of the light is not in `nodes`.
+    pub fn placed(&self, time: f64, nodes: &[DAffine3]) -> (Vec3, Vec3) {
+        let keys = self.keys.as_ref();
+        let moved = keys.map_or(DVec3::ZERO, |keys| keys.translation(time));
+        let to = self.node.map_or(DAffine3::IDENTITY, |node| nodes[node]);
+        let position = to.transform_point3(self.position.as_dvec3() + moved);
+        let direction = to
+            .transform_vector3(DVec3::NEG_Z)
+            .normalize_or(DVec3::NEG_Z);
+        (position.as_vec3(), direction.as_vec3())
     }
 }
 
@@ -486,9 +609,10 @@ impl Morph {
 
 /// The shape of a triangle at a time: linear between two keys, constant before the first and after the last.
 fn interpolated(keys: &[MorphKey], time: f64) -> MorphKey {
-    let after = keys.partition_point(|key| key.time <= time);
-    let before = keys[after.saturating_sub(1)];
-    let Some(after) = keys.get(after) else {
+    // The first segment that ends after the time, also where times go back.
+    let after = keys.iter().position(|key| time < key.time);
+    let before = keys[after.unwrap_or(keys.len()).saturating_sub(1)];
+    let Some(after) = after.map(|after| keys[after]) else {
         return before;
     };
     let length = after.time - before.time;

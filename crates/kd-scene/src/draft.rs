@@ -52,6 +52,10 @@ impl Transform {
         self.to_node.transform_point3(at)
     }
 
+    pub(crate) fn vector(&self, vector: DVec3) -> DVec3 {
+        self.to_node.transform_vector3(vector)
+    }
+
     pub(crate) fn normal(&self, normal: DVec3) -> Vec3 {
         (self.inverse_transpose * normal)
             .normalize_or_zero()
@@ -91,6 +95,11 @@ impl PartDraft {
         }
     }
 
+    /// The triangles so far.
+    pub(crate) fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
     /// Sets the normals at the corners of the triangle that was added last.
     pub(crate) fn set_normals(&mut self, normals: [Vec3; 3]) {
         let before = self.triangles.len() - 1;
@@ -103,6 +112,13 @@ impl PartDraft {
         let before = self.triangles.len() - 1;
         self.surface.uvs.resize(before, [[0.0; 2]; 3]);
         self.surface.uvs.push(uvs);
+    }
+
+    /// Sets the colors at the corners of the triangle that was added last.
+    pub(crate) fn set_colors(&mut self, colors: [Vec3; 3]) {
+        let before = self.triangles.len() - 1;
+        self.surface.colors.resize(before, [Vec3::ONE; 3]);
+        self.surface.colors.push(colors);
     }
 
     /// Sets the morph keys of the triangle that was added last.
@@ -123,6 +139,9 @@ impl PartDraft {
         }
         if !surface.uvs.is_empty() {
             surface.uvs.resize(triangles, [[0.0; 2]; 3]);
+        }
+        if !surface.colors.is_empty() {
+            surface.colors.resize(triangles, [Vec3::ONE; 3]);
         }
         Ok(Part {
             name: self.name,

@@ -62,7 +62,17 @@ pub enum LoadError {
         /// Description of the fault.
         problem: String,
     },
-    /// An element of a binary or JSON file is invalid.
+    /// A value of a JSON file is missing or invalid.
+    #[error("{file}: {pointer}: {problem}")]
+    BadValue {
+        /// Name of the file.
+        file: String,
+        /// Where the value is, as a JSON pointer (RFC 6901).
+        pointer: String,
+        /// Description of the fault.
+        problem: String,
+    },
+    /// An element of a binary file is invalid.
     #[error("{file}: {element} {index}: {problem}")]
     BadElement {
         /// Name of the file.
@@ -153,6 +163,7 @@ impl LoadError {
             | Self::UnknownFormat { file }
             | Self::BadLine { file, .. }
             | Self::BadHeader { file, .. }
+            | Self::BadValue { file, .. }
             | Self::BadElement { file, .. }
             | Self::Truncated { file, .. }
             | Self::NotFinite { file, .. }

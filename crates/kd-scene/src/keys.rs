@@ -48,7 +48,8 @@ impl Curve<Quaternion, DQuat> {
     }
 }
 
-/// A spline through at least four keys, in ascending order of time.
+/// A spline through at least four keys. Their times ascend in a good file; where they do not, the first segment that ends after a time
+/// counts, as in the player of BART.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Track<T> {
     keys: Vec<Key<T>>,
@@ -101,10 +102,9 @@ impl<T> Track<T> {
     /// The least number of keys of a curve.
     pub(crate) const MIN_KEYS: usize = 4;
 
-    /// `None` if there are fewer than [`MIN_KEYS`](Self::MIN_KEYS) keys, or if their times descend.
+    /// `None` if there are fewer than [`MIN_KEYS`](Self::MIN_KEYS) keys.
     pub(crate) fn new(keys: Vec<Key<T>>) -> Option<Self> {
-        let ascends = keys.is_sorted_by(|a, b| a.time <= b.time);
-        (keys.len() >= Self::MIN_KEYS && ascends).then_some(Self { keys })
+        (keys.len() >= Self::MIN_KEYS).then_some(Self { keys })
     }
 
     /// The segment that contains `time`: the index of its first key, and the fraction of it that has passed. The fraction is
@@ -114,7 +114,7 @@ impl<T> Track<T> {
         if time <= self.keys[1].time {
             return (1, None);
         }
-        // A segment between two equal times is empty and never selected.
+        // Segments that end before they begin are never selected.
         match (1..last).find(|i| time < self.keys[i + 1].time) {
             None => (last, None),
             Some(i) => {
@@ -130,8 +130,10 @@ impl<T> Track<T> {
         let keys = &self.keys[first - 1..first + 3];
         let length = keys[2].time - keys[1].time;
         let (one, two) = (&keys[1], &keys[2]);
-        let out = length / (keys[2].time - keys[0].time) * (1.0 - one.tension);
-        let inwards = length / (keys[3].time - keys[1].time) * (1.0 - two.tension);
+        // Two segments that go forth and back have no length, and give the curve no direction.
+        let share = |whole: f64| if whole == 0.0 { 0.0 } else { length / whole };
+        let out = share(keys[2].time - keys[0].time) * (1.0 - one.tension);
+        let inwards = share(keys[3].time - keys[1].time) * (1.0 - two.tension);
         (
             [
                 out * (1.0 + one.continuity) * (1.0 + one.bias),
@@ -372,13 +374,27 @@ mod tests {
         );
         assert_eq!(inside.at(2.0), DVec3::splat(5.0), "the later key");
         assert!(inside.at(2.5).is_finite(), "{}", inside.at(2.5));
-        let keys = vec![key(1.0, DVec3::ZERO), key(0.0, DVec3::ZERO)];
-        assert_eq!(
-            Track::new([keys.clone(), keys].concat()),
-            None,
-            "key times must not descend"
-        );
         assert_eq!(Track::<DVec3>::new(vec![]), None, "a curve needs keys");
+    }
+
+    #[test]
+    fn where_times_go_back_the_first_segment_that_ends_after_a_time_counts() {
+        let times = [0.0, 1.0, 5.0, 3.0, 8.0, 9.0];
+        let keys = track(times.map(|time| (time, DVec3::splat(10.0 * time))));
+        for (time, segment, fraction) in [
+            (1.0, 1, None),
+            (2.0, 1, Some(0.25)),
+            (4.0, 1, Some(0.75)),
+            (5.0, 3, Some(0.4)),
+            (6.0, 3, Some(0.6)),
+            (8.5, 4, None),
+        ] {
+            assert_eq!(keys.segment_at(time), (segment, fraction), "{time}");
+        }
+        let forth_and_back = track([0.0, 1.0, 0.0, 1.0, 2.0].map(|time| (time, DVec3::X)));
+        for time in [0.5, 1.0, 1.5] {
+            assert!(forth_and_back.at(time).is_finite(), "{time}");
+        }
     }
 
     #[test]

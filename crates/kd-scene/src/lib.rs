@@ -59,8 +59,8 @@ pub use aff::{AffOptions, load_aff, read_aff};
 pub use camera::{Camera, View, light_above};
 #[cfg(feature = "scenes")]
 pub use description::{
-    ColorSpace, Deformation, Light, Material, Morph, MorphKey, Node, Part, SceneDescription, Skin,
-    Span, Surface, Texture, TextureSource,
+    ColorSpace, Deformation, Light, LightKind, Material, Morph, MorphKey, MorphTargets, Node, Part,
+    SceneDescription, Skin, Span, Surface, Texture, TextureSource,
 };
 pub use error::LoadError;
 #[cfg(feature = "scenes")]

@@ -10,7 +10,9 @@ use crate::obj::read_obj_with;
 use crate::ply::read_ply_with;
 use crate::report::{Loaded, Report, Strictness, Warning};
 #[cfg(feature = "scenes")]
-use crate::{AffOptions, SceneDescription, files::files_with, read_aff, read_gltf};
+use crate::{
+    AffOptions, SceneDescription, aff::read_aff_with, files::files_with, gltf::read_gltf_with,
+};
 
 /// How files are read.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,13 +112,16 @@ pub fn load_mesh_with(
         Some(Format::Ply) => read_ply_with(&bytes, &file, &mut report)?,
         #[cfg(feature = "scenes")]
         Some(Format::Gltf | Format::Glb) => {
-            let scene = read_gltf(path, &mut files_with(path, bytes))?;
-            return options.finish(first_frame(&scene, file)?, scene.warnings);
+            let scene = read_gltf_with(path, &mut files_with(path, bytes), &mut report)?;
+            first_frame(&scene, file)?
         }
         #[cfg(feature = "scenes")]
         Some(Format::Aff) => {
-            let scene = read_aff(path, &mut files_with(path, bytes), &options.aff)?;
-            return options.finish(first_frame(&scene, file)?, scene.warnings);
+            let files = &mut files_with(path, bytes);
+            first_frame(
+                &read_aff_with(path, files, &options.aff, &mut report)?,
+                file,
+            )?
         }
         #[cfg(not(feature = "scenes"))]
         Some(format) => {

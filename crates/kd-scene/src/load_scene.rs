@@ -2,16 +2,18 @@
 
 use std::path::Path;
 
+use crate::aff::read_aff_with;
 use crate::files::files_with;
 use crate::format::Format;
+use crate::gltf::read_gltf_with;
 use crate::load::{LoadOptions, read};
 use crate::obj::read_obj_scene_with;
 use crate::ply::read_ply_with;
 use crate::report::{Loaded, Report};
-use crate::{AffOptions, LoadError, SceneDescription, read_aff, read_gltf};
+use crate::{AffOptions, LoadError, SceneDescription};
 
-/// Reads a file as a scene, its format detected as by [`load_mesh`](crate::load_mesh): AFF and NFF with [`read_aff`], glTF with
-/// [`read_gltf`], OBJ with its materials by [`read_obj_scene`](crate::read_obj_scene), PLY as a mesh in one light gray material.
+/// Reads a file as a scene, its format detected as by [`load_mesh`](crate::load_mesh): AFF and NFF with [`read_aff`](crate::read_aff), glTF with
+/// [`read_gltf`](crate::read_gltf), OBJ with its materials by [`read_obj_scene`](crate::read_obj_scene), PLY as a mesh in one light gray material.
 ///
 /// # Errors
 ///
@@ -38,8 +40,15 @@ pub fn load_scene_with(
     let bytes = read(path, &file)?;
     let mut report = Report::new(options.strictness);
     let mut scene = match Format::of(&bytes, path) {
-        Some(Format::Aff) => read_aff(path, &mut files_with(path, bytes), &options.aff)?,
-        Some(Format::Gltf | Format::Glb) => read_gltf(path, &mut files_with(path, bytes))?,
+        Some(Format::Aff) => read_aff_with(
+            path,
+            &mut files_with(path, bytes),
+            &options.aff,
+            &mut report,
+        )?,
+        Some(Format::Gltf | Format::Glb) => {
+            read_gltf_with(path, &mut files_with(path, bytes), &mut report)?
+        }
         Some(Format::Obj) => read_obj_scene_with(path, &mut files_with(path, bytes), &mut report)?,
         Some(Format::Ply) => SceneDescription::of_mesh(read_ply_with(&bytes, &file, &mut report)?),
         None => return Err(LoadError::UnknownFormat { file }),

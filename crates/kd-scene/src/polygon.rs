@@ -14,6 +14,10 @@ pub(crate) struct Triangulation {
     pub(crate) is_simple: bool,
 }
 
+/// The warning of a polygon that is not simple.
+pub(crate) const NOT_SIMPLE: &str =
+    "a polygon crosses itself or has no area; it becomes a fan of triangles";
+
 /// Triangulates a polygon. Convex polygons become a fan from the first corner; concave polygons are triangulated by ear clipping.
 /// Polygons that cross themselves, or have no area, become a fan too.
 pub(crate) fn triangulate(corners: &[DVec3]) -> Triangulation {
@@ -61,8 +65,7 @@ pub(crate) fn triangles_of_face(
     let points: Vec<DVec3> = corners.iter().map(at).collect();
     let polygon = triangulate(&points);
     if !polygon.is_simple {
-        let what = "a polygon crosses itself or has no area; it becomes a fan of triangles";
-        report.warn(file, place(), WarningCode::BadPolygon, what);
+        report.warn(file, place(), WarningCode::BadPolygon, NOT_SIMPLE);
     }
     polygon.triangles
 }

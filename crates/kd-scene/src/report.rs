@@ -48,6 +48,8 @@ pub enum Place {
     Line(usize),
     /// An element of a kind, such as `face`, from 0.
     Element(String, usize),
+    /// A value of a JSON file, as a JSON pointer (RFC 6901).
+    Pointer(String),
 }
 
 /// The kinds of warnings.
@@ -72,6 +74,12 @@ pub enum WarningCode {
     NotFinite,
     /// A face has an index out of range, and is left out.
     BadIndex,
+    /// An element is damaged, and left out.
+    BadElement,
+    /// Key frames are out of order, or of nothing.
+    BadAnimation,
+    /// The file does not say which of its content is the scene; all of it is.
+    NoScene,
     /// Data follows the last element.
     LeftOver,
 }
@@ -82,6 +90,7 @@ impl fmt::Display for Warning {
         match &self.place {
             Some(Place::Line(line)) => write!(f, "line {line}: ")?,
             Some(Place::Element(kind, index)) => write!(f, "{kind} {index}: ")?,
+            Some(Place::Pointer(pointer)) => write!(f, "{pointer}: ")?,
             None => {}
         }
         f.write_str(&self.message)?;
@@ -111,6 +120,10 @@ impl Report {
             known: HashMap::new(),
             last: 0,
         }
+    }
+
+    pub(crate) fn is_lenient(&self) -> bool {
+        self.strictness == Strictness::Lenient
     }
 
     /// Notes a warning.
@@ -154,7 +167,7 @@ impl Report {
         code: WarningCode,
         message: &str,
     ) -> Result<(), LoadError> {
-        if self.strictness != Strictness::Lenient {
+        if !self.is_lenient() {
             return Err(error);
         }
         self.warn(error.file(), place, code, message);

@@ -6,7 +6,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
-use kd_scene::{AffOptions, LoadError, SceneDescription, Surface, load_aff, load_mesh, read_aff};
+use kd_scene::{
+    AffOptions, LoadError, Place, SceneDescription, Surface, WarningCode, load_aff, load_mesh,
+    read_aff,
+};
 
 /// Reads a scene from texts in memory; the first file is the scene.
 fn read(files: &[(&str, &str)], options: &AffOptions) -> Result<SceneDescription, LoadError> {
@@ -72,7 +75,7 @@ fn every_command_is_read() {
     let lights: Vec<_> = scene
         .lights
         .iter()
-        .map(|l| (l.position_at(4.0), l.color))
+        .map(|l| (l.placed(4.0, &[]).0, l.color))
         .collect();
     let lamp = (Vec3::new(4.0, 6.0, 6.0), Vec3::new(0.7, 0.8, 0.9));
     assert_eq!(lights, [(Vec3::new(1.0, 2.0, 3.0), Vec3::ONE), lamp]);
@@ -110,6 +113,7 @@ fn every_command_is_read() {
         textures,
         normals,
         uvs,
+        ..
     } = &fixed.surface;
     assert_eq!(
         [materials.len(), textures.len(), normals.len(), uvs.len()],
@@ -225,10 +229,6 @@ fn errors_name_file_and_line() {
             "scene.aff: line 1: expected the radius of a sphere, found the end of the file",
         ),
         (
-            "c 1 1 1 1 1 1 1 2",
-            "scene.aff: line 1: the two ends of a cone coincide",
-        ),
-        (
             "p 2 0 0 0 1 1 1",
             "scene.aff: line 1: a polygon has 2 corners, at least 3 are needed",
         ),
@@ -327,6 +327,61 @@ fn the_number_of_includes_is_bounded() {
         error.to_string().ends_with("more than 65536 includes"),
         "{error}"
     );
+}
+
+#[test]
+fn what_is_left_out_or_replaced_has_a_warning() {
+    use WarningCode::{BadAnimation, BadElement, BadMaterial, BadPolygon};
+
+    let key = |time: f64, x: f64| format!("{time} {x} 0 0 0 0 0 ");
+    let track = [0.0, 1.0, 5.0, 3.0, 8.0, 9.0]
+        .map(|time| key(time, 10.0 * time))
+        .concat();
+    let text = format!(
+        "c 1 1 1 1 1 1 1 2\n\
+         f 1 0 0\n\
+         p 4 0 0 0 1 1 0 1 0 0 0 1 0\n\
+         k box {{ transl 6 {track} visibility 3 0 1 6 0 4 1 }}\n\
+         tpa 2 1 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1 0 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n\
+         x box {{ s 0 0 0 1 }}"
+    );
+    let scene = read(&[("scene.aff", &text)], &AffOptions::default()).expect("valid");
+    let found: Vec<_> = scene
+        .warnings
+        .iter()
+        .map(|it| (it.code, it.place.clone(), it.count))
+        .collect();
+    let line = |line| Some(Place::Line(line));
+    let expected = [
+        (BadElement, line(1), 1),
+        (BadMaterial, line(2), 1),
+        (BadPolygon, line(3), 1),
+        (BadAnimation, line(4), 3),
+    ];
+    assert_eq!(found, expected);
+    assert_eq!(
+        scene.materials[0].diffuse,
+        Vec3::X,
+        "a fill of three numbers"
+    );
+    // The segment from 1 to 5 counts until 5, then the one from 3 to 8.
+    let x = |time: f64| scene.placed_nodes(time)[0].translation.x;
+    assert!(
+        (x(5.0) - 50.0).abs() < 1.0 && x(4.0) > 30.0,
+        "{} {}",
+        x(5.0),
+        x(4.0)
+    );
+    let seen = [5.0, 6.0].map(|time| scene.nodes[0].keys.as_ref().expect("keys").is_visible(time));
+    assert_eq!(seen, [true, true], "the key at 4 comes after the one at 6");
+}
+
+#[test]
+fn a_view_needs_no_near_plane() {
+    let text = "v from 0 0 5 at 0 0 0 up 0 1 0 angle 30\ns 0 0 0 1";
+    let scene = read(&[("scene.aff", text)], &AffOptions::default()).expect("valid");
+    assert_eq!(scene.camera.map(|camera| camera.fov_degrees), Some(30.0));
+    assert_eq!(scene.resolution, None);
 }
 
 #[test]

@@ -130,4 +130,60 @@ mod scenes {
         let file = path("red tile.png");
         assert_eq!(scene.textures[0].source, TextureSource::File(file));
     }
+
+    #[test]
+    fn nff_files_have_their_triangles_and_warnings() {
+        let short = scene("n05_short_fill.nff");
+        assert_eq!(short.parts[0].mesh.len(), 1);
+        assert_eq!(short.materials[0].diffuse, Vec3::X);
+        assert_eq!(short.warnings[0].code, WarningCode::BadMaterial);
+        let cones = load("n11_cone0.nff", Strictness::Usual);
+        let codes: Vec<_> = cones.warnings.iter().map(|it| it.code).collect();
+        assert_eq!(
+            codes,
+            [WarningCode::BadElement],
+            "the cylinder of no length"
+        );
+        assert!(!cones.value.is_empty(), "the others are there");
+    }
+
+    #[test]
+    fn gltf_files_have_their_triangles_and_warnings() {
+        use WarningCode::{BadAnimation, BadAttribute, Unused};
+        let rows: [(&str, usize, &[WarningCode]); 16] = [
+            ("g04_custom_attribute", 2, &[]),
+            ("g05_extras_0", 2, &[]),
+            ("g05_extras_1", 2, &[]),
+            ("g06_quantization", 2, &[]),
+            ("g07_required_EXT_texture_webp", 2, &[]),
+            ("g07_required_KHR_lights_punctual", 2, &[]),
+            ("g10_no_position", 2, &[Unused]),
+            ("g11_empty_scene", 2, &[]),
+            ("g12b_no_target_node", 2, &[BadAnimation]),
+            ("g13_texture_no_source", 2, &[BadAttribute]),
+            ("g16_nopad", 2, &[]),
+            ("g20b_gpu_instancing", 6, &[]),
+            ("g26_color0", 2, &[]),
+            ("g34_alpha", 2, &[]),
+            ("g35_sampler", 2, &[]),
+            ("g37_stride2", 2, &[]),
+        ];
+        for (name, triangles, expected) in rows {
+            let name = format!("{name}.gltf");
+            let loaded = load(&name, Strictness::Usual);
+            assert_eq!(loaded.value.len(), triangles, "{name}");
+            let codes: Vec<WarningCode> = loaded.warnings.iter().map(|it| it.code).collect();
+            assert_eq!(codes, expected, "{name}: {:?}", loaded.warnings);
+        }
+        let colored = scene("g26_color0.gltf");
+        assert_eq!(colored.parts[0].surface.colors, [[Vec3::X; 3]; 2]);
+        for (name, found) in [
+            ("g23_draco", "KHR_draco_mesh_compression"),
+            ("g27_gltf1", "glTF 1"),
+        ] {
+            let refused = load_mesh_with(path(&format!("{name}.gltf")), &LoadOptions::new());
+            let error = refused.expect_err(name).to_string();
+            assert!(error.contains(found), "{error}");
+        }
+    }
 }

@@ -71,6 +71,7 @@ fn triangles_have_their_materials_normals_and_uvs() {
         textures,
         normals,
         uvs,
+        ..
     } = &part.surface;
     assert_eq!(*materials, [0, 1, 1, 3, 3, 2, 0], "in file order");
     let none = Surface::NO_TEXTURE;

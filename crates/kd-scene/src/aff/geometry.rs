@@ -4,10 +4,12 @@ use std::rc::Rc;
 
 use glam::{DVec3, Vec3};
 
+use super::motion::TIMES_DESCEND;
 use super::tokens::Tokens;
 use super::{Enclosing, Reader, narrow, transform, vector};
 use crate::draft::{PartDraft, SurfaceIds, Transform};
-use crate::polygon::triangulate;
+use crate::polygon::{NOT_SIMPLE, triangulate};
+use crate::report::WarningCode;
 use crate::tessellate::{UnitSphere, circle_directions};
 use crate::{LoadError, MorphKey, Surface};
 
@@ -55,7 +57,9 @@ impl Reader<'_> {
         let (base, tip) = (end()?, end()?);
         let axis = tip.0 - base.0;
         if axis == DVec3::ZERO {
-            return Err(tokens.error("the two ends of a cone coincide"));
+            let what = "a cone has no length; it is left out";
+            self.warn(tokens, WarningCode::BadElement, what);
+            return Ok(());
         }
         let resolution = self.options.resolution.max(1);
         self.count_triangles(tokens, (resolution as usize).saturating_mul(8))?;
@@ -108,9 +112,16 @@ impl Reader<'_> {
     ) -> Result<(), LoadError> {
         let count = tokens.count("the number of corners")?;
         if count < 3 {
-            return Err(tokens.error(format!(
+            let error = tokens.error(format!(
                 "a polygon has {count} corners, at least 3 are needed"
-            )));
+            ));
+            let what = "a polygon has fewer than three corners; it is left out";
+            self.report
+                .leave_out(error, tokens.place().1, WarningCode::FewCorners, what)?;
+            for _ in 0..count * if has_normals { 2 } else { 1 } {
+                vector(tokens, "a corner")?;
+            }
+            return Ok(());
         }
         let transform = transform(enclosing);
         let (mut corners, mut normals) = (Vec::new(), Vec::new());
@@ -126,12 +137,16 @@ impl Reader<'_> {
         normals.resize(count, Vec3::ZERO);
         let vertices = corners.iter().copied().zip(normals);
         let vertices = add(draft, tokens, vertices)?;
-        for triangle in triangulate(&corners).triangles {
+        let polygon = triangulate(&corners);
+        for triangle in polygon.triangles {
             let corners = triangle.map(|corner| vertices[corner]);
             draft.triangle(corners.map(|(vertex, _)| vertex), ids);
             if has_normals {
                 draft.set_normals(corners.map(|(_, normal)| normal));
             }
+        }
+        if !polygon.is_simple {
+            self.warn(tokens, WarningCode::BadPolygon, NOT_SIMPLE);
         }
         Ok(())
     }
@@ -231,11 +246,9 @@ impl Reader<'_> {
         let mut keys: Vec<MorphKey> = Vec::new();
         for _ in 0..count {
             keys.push(morph_key(tokens, &transform)?);
-            if let [.., before, last] = keys.as_slice()
-                && before.time > last.time
-            {
-                return Err(tokens.error("key times must not descend"));
-            }
+        }
+        if !keys.is_sorted_by(|a, b| a.time <= b.time) {
+            self.warn(tokens, WarningCode::BadAnimation, TIMES_DESCEND);
         }
         self.count_triangles(tokens, 1)?;
         let ids = self.surface_ids(Surface::NO_TEXTURE);

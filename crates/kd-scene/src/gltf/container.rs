@@ -13,7 +13,7 @@ impl<'a> Container<'a> {
     /// # Errors
     ///
     /// A description of the fault.
-    pub(super) fn read(bytes: &'a [u8]) -> Result<Self, &'static str> {
+    pub(super) fn read(bytes: &'a [u8]) -> Result<Self, String> {
         let Some(rest) = bytes.strip_prefix(b"glTF") else {
             return Ok(Self {
                 json: bytes,
@@ -23,13 +23,15 @@ impl<'a> Container<'a> {
         let cut = "binary glTF ends in its header";
         let (version, rest) = number(rest).ok_or(cut)?;
         if version != 2 {
-            return Err("the version of binary glTF is not 2");
+            return Err(format!(
+                "the file is binary glTF {version}, which is not supported; expected 2"
+            ));
         }
         // The length of the file is redundant.
         let (_, rest) = number(rest).ok_or(cut)?;
         let (kind, json, rest) = chunk(rest).ok_or(cut)?;
         if kind != *b"JSON" {
-            return Err("the first chunk of binary glTF is not JSON");
+            return Err("the first chunk of binary glTF is not JSON".to_owned());
         }
         let blob = match chunk(rest) {
             Some((kind, blob, _)) if kind == *b"BIN\0" => Some(blob),
@@ -84,6 +86,9 @@ mod tests {
         }
         file[4] = 1;
         let error = Container::read(&file).expect_err("version 1");
-        assert_eq!(error, "the version of binary glTF is not 2");
+        assert_eq!(
+            error,
+            "the file is binary glTF 1, which is not supported; expected 2"
+        );
     }
 }

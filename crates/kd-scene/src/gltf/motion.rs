@@ -2,138 +2,195 @@
 
 use std::collections::HashMap;
 
-use glam::{DQuat, DVec3, Quat, Vec3};
-use gltf::animation::{Interpolation, Property};
-use gltf::json::validation::Checked;
+use glam::{DQuat, DVec3};
 
-use super::Reader;
-use crate::keys::sampled::{Sampled, Values};
+use super::json::{self, Channel, Node, Sampler, Whole};
+use super::{Reader, at_rest, rotation};
+use crate::keys::sampled::{Interpolate, Sampled, Values};
 use crate::keys::{Curve, Keys};
+use crate::report::WarningCode;
 use crate::{LoadError, Span};
 
 /// Frames per second; glTF specifies times only.
 const FRAMES_PER_SECOND: f64 = 25.0;
 
-impl Reader {
-    /// The keys of the animated nodes in the first animation, by node index in the file. Properties without keys are constant.
-    pub(super) fn motion(
-        &mut self,
-        document: &gltf::Document,
-    ) -> Result<HashMap<usize, Keys>, LoadError> {
-        let mut motion: HashMap<usize, Keys> = HashMap::new();
-        let Some(animation) = document.animations().next() else {
+const ANIMATION: &str = "/animations/0";
+
+/// What the first animation moves, by index of the node in the file.
+#[derive(Default)]
+pub(super) struct Motion {
+    /// The keys of nodes. Properties without keys are constant.
+    pub(super) keys: HashMap<usize, Keys>,
+    /// The weight of each morph target.
+    pub(super) weights: HashMap<usize, Vec<Sampled<f64>>>,
+    /// The time of the last key, in seconds.
+    end: f64,
+}
+
+impl Reader<'_> {
+    pub(super) fn motion(&mut self) -> Result<Motion, LoadError> {
+        let mut motion = Motion::default();
+        let animations = self.document.all("/animations").len();
+        if animations == 0 {
             return Ok(motion);
-        };
-        if document.animations().count() > 1 {
-            self.warn("only the first animation is read");
         }
-        let number = animation.index();
-        let json = self.json.animations.get(number).cloned();
-        let json = json.ok_or_else(|| self.bad_element("animation", number, "does not exist"))?;
-        let mut end = 0.0_f64;
-        for channel in &json.channels {
-            let node = document.nodes().nth(channel.target.node.value());
-            let sampler = json.samplers.get(channel.sampler.value());
-            let (Some(node), Some(sampler)) = (node, sampler) else {
-                return Err(self.bad_element(
-                    "animation",
-                    number,
-                    "a channel refers to a node or sampler that does not exist",
-                ));
-            };
-            let (Checked::Valid(property), Checked::Valid(interpolation)) =
-                (channel.target.path, sampler.interpolation)
-            else {
-                return Err(self.bad_element(
-                    "animation",
-                    number,
-                    "a channel has an unknown target path or interpolation",
-                ));
-            };
-            if property == Property::MorphTargetWeights {
-                self.warn("animated morph targets are ignored");
-                continue;
-            }
-            let times = self.numbers::<1>(sampler.input, false)?;
-            let times: Vec<f64> = times.into_iter().map(|[time]| time).collect();
-            let is_finite = times.iter().all(|time| time.is_finite());
-            if times.is_empty() || !is_finite || !times.is_sorted_by(|a, b| a < b) {
-                return Err(self.bad_element("animation", number, "key times do not ascend"));
-            }
-            end = end.max(times[times.len() - 1]);
-            let wrong = || {
-                self.bad_element(
-                    "animation",
-                    number,
-                    "the number of values does not match the number of key times",
-                )
-            };
-            let keys = motion.entry(node.index()).or_insert_with(|| at_rest(&node));
-            if property == Property::Rotation {
-                let rotations = self.numbers::<4>(sampler.output, true)?;
-                let rotations = rotations.into_iter().map(DQuat::from_array).collect();
-                let curve = sampled(times, rotations, interpolation).ok_or_else(wrong)?;
-                keys.rotation = Some(Curve::Sampled(curve));
-                continue;
-            }
-            let values = self.numbers::<3>(sampler.output, false)?;
-            let values = values.into_iter().map(DVec3::from).collect();
-            let curve = Some(Curve::Sampled(
-                sampled(times, values, interpolation).ok_or_else(wrong)?,
-            ));
-            if property == Property::Scale {
-                keys.scale = curve;
-            } else {
-                keys.translation = curve;
-            }
+        if animations > 1 {
+            let what = format!("of {animations} animations, only the first is read");
+            self.warn("/animations", WarningCode::Unused, what);
+        }
+        let animation: json::Animation = self.document.get("/animations", Whole(0))?;
+        for (number, channel) in animation.channels.iter().enumerate() {
+            let pointer = format!("{ANIMATION}/channels/{number}");
+            self.channel(channel, &animation.samplers, &pointer, &mut motion)?;
         }
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "clamped to a million frames"
         )]
-        let frames = (end * FRAMES_PER_SECOND).ceil().clamp(1.0, 1e6) as usize + 1;
-        if !motion.is_empty() {
+        let frames = (motion.end * FRAMES_PER_SECOND).ceil().clamp(1.0, 1e6) as usize + 1;
+        if !motion.keys.is_empty() || !motion.weights.is_empty() {
             self.scene.span = Some(Span {
                 start: 0.0,
-                end,
+                end: motion.end,
                 frames,
             });
         }
         Ok(motion)
     }
-}
 
-/// The static transform of a node as constant curves.
-fn at_rest(node: &gltf::Node<'_>) -> Keys {
-    let (translation, rotation, scale) = node.transform().decomposed();
-    let turn: DQuat = Quat::from_array(rotation).as_dquat();
-    Keys {
-        translation: Some(Curve::Sampled(Sampled::constant(vector(translation)))),
-        rotation: Some(Curve::Sampled(Sampled::constant(turn))),
-        scale: Some(Curve::Sampled(Sampled::constant(vector(scale)))),
-        visibility: Vec::new(),
+    fn channel(
+        &mut self,
+        channel: &Channel,
+        samplers: &[Sampler],
+        pointer: &str,
+        motion: &mut Motion,
+    ) -> Result<(), LoadError> {
+        let Some(target) = channel.target.node else {
+            let what = "a channel moves no node; it is left out";
+            self.warn(pointer, WarningCode::BadAnimation, what);
+            return Ok(());
+        };
+        let path = channel.target.path.as_str();
+        if !["translation", "rotation", "scale", "weights"].contains(&path) {
+            let what = format!("the property `{path}` is not animated");
+            self.warn(pointer, WarningCode::Unused, what);
+            return Ok(());
+        }
+        let node: Node = self.document.get("/nodes", target)?;
+        let sampler = samplers.get(channel.sampler.0).ok_or_else(|| {
+            let problem = format!("does not exist, there are {}", samplers.len());
+            self.document
+                .bad_value(&format!("{pointer}/sampler"), problem)
+        })?;
+        let pointer = format!("{ANIMATION}/samplers/{}", channel.sampler.0);
+        let times = self.numbers::<1>(sampler.input, false)?;
+        let times: Vec<f64> = times.into_iter().map(|[time]| f64::from(time)).collect();
+        if times.is_empty() || !times.iter().all(|time| time.is_finite()) {
+            let problem = "has no key times, or some that are not finite";
+            return Err(self.document.bad_value(&pointer, problem));
+        }
+        if !times.is_sorted() {
+            let what = "key times descend; the keys are sorted";
+            self.warn(&pointer, WarningCode::BadAnimation, what);
+        }
+        motion.end = times.iter().copied().fold(motion.end, f64::max);
+        let curve = CurveOf {
+            times,
+            sampler,
+            pointer,
+        };
+        if path == "weights" {
+            let weights = self.weights(curve)?;
+            motion.weights.insert(target.0, weights);
+            return Ok(());
+        }
+        let keys = motion
+            .keys
+            .entry(target.0)
+            .or_insert_with(|| at_rest(&node));
+        if path == "rotation" {
+            let rotations = self.numbers::<4>(sampler.output, true)?;
+            let rotations = rotations.into_iter().map(|numbers| numbers.map(f64::from));
+            let is_cubic = sampler.interpolation.as_deref() == Some("CUBICSPLINE");
+            // Tangents have any length.
+            let of = |numbers| {
+                if is_cubic {
+                    DQuat::from_array(numbers)
+                } else {
+                    rotation(numbers)
+                }
+            };
+            keys.rotation = Some(Curve::Sampled(
+                self.sampled(&curve, rotations.map(of).collect())?,
+            ));
+            return Ok(());
+        }
+        let values = self.numbers::<3>(sampler.output, false)?;
+        let values = values
+            .into_iter()
+            .map(|numbers| DVec3::from(numbers.map(f64::from)));
+        let sampled = Some(Curve::Sampled(self.sampled(&curve, values.collect())?));
+        if path == "scale" {
+            keys.scale = sampled;
+        } else {
+            keys.translation = sampled;
+        }
+        Ok(())
+    }
+
+    /// The curve of each morph target: the values of a key are one weight for each target.
+    fn weights(&mut self, curve: CurveOf<'_>) -> Result<Vec<Sampled<f64>>, LoadError> {
+        let all = self.all_numbers::<f32>(curve.sampler.output, true)?.numbers;
+        let is_cubic = curve.sampler.interpolation.as_deref() == Some("CUBICSPLINE");
+        let rows = curve.times.len() * if is_cubic { 3 } else { 1 };
+        if all.len() % rows != 0 {
+            return Err(self.mismatch(&curve, all.len()));
+        }
+        let targets = all.len() / rows;
+        let of_target = |target: usize| {
+            let values = all.iter().skip(target).step_by(targets);
+            self.sampled(&curve, values.map(|weight| f64::from(*weight)).collect())
+        };
+        (0..targets).map(of_target).collect()
+    }
+
+    fn mismatch(&self, curve: &CurveOf<'_>, values: usize) -> LoadError {
+        let problem = format!("has {} key times, but {values} values", curve.times.len());
+        self.document.bad_value(&curve.pointer, problem)
+    }
+
+    /// The curve through the values of a sampler, in order of their times.
+    fn sampled<T: Interpolate>(
+        &self,
+        curve: &CurveOf<'_>,
+        values: Vec<T>,
+    ) -> Result<Sampled<T>, LoadError> {
+        let count = curve.times.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|a, b| curve.times[*a].total_cmp(&curve.times[*b]));
+        let times = order.iter().map(|key| curve.times[*key]).collect();
+        let each = || order.iter().map(|key| values[*key]).collect();
+        let values = match curve.sampler.interpolation.as_deref().unwrap_or("LINEAR") {
+            "STEP" if values.len() == count => Values::Step(each()),
+            "LINEAR" if values.len() == count => Values::Linear(each()),
+            "CUBICSPLINE" if values.len() == 3 * count => {
+                let keys = values.as_chunks::<3>().0;
+                Values::Cubic(order.iter().map(|key| keys[*key]).collect())
+            }
+            "STEP" | "LINEAR" | "CUBICSPLINE" => return Err(self.mismatch(curve, values.len())),
+            other => {
+                let problem = format!("has the unknown interpolation `{other}`");
+                return Err(self.document.bad_value(&curve.pointer, problem));
+            }
+        };
+        Ok(Sampled { times, values })
     }
 }
 
-/// The keys of a sampler; `None` if the number of values does not match the number of times.
-fn sampled<T: Copy>(
+/// The times of a curve, and the sampler that has its values.
+struct CurveOf<'a> {
     times: Vec<f64>,
-    values: Vec<T>,
-    interpolation: Interpolation,
-) -> Option<Sampled<T>> {
-    let count = times.len();
-    let values = match interpolation {
-        Interpolation::Step if values.len() == count => Values::Step(values),
-        Interpolation::Linear if values.len() == count => Values::Linear(values),
-        Interpolation::CubicSpline if values.len() == 3 * count => {
-            Values::Cubic(values.as_chunks::<3>().0.to_vec())
-        }
-        _ => return None,
-    };
-    Some(Sampled { times, values })
-}
-
-fn vector(numbers: [f32; 3]) -> DVec3 {
-    Vec3::from(numbers).as_dvec3()
+    sampler: &'a Sampler,
+    pointer: String,
 }

@@ -28,6 +28,16 @@ pub(crate) trait Interpolate: Copy {
     fn weighted_sum(parts: [(f64, Self); 4]) -> Self;
 }
 
+impl Interpolate for f64 {
+    fn interpolate(self, other: Self, fraction: f64) -> Self {
+        self + fraction * (other - self)
+    }
+
+    fn weighted_sum(parts: [(f64, Self); 4]) -> Self {
+        parts.iter().map(|(weight, value)| weight * value).sum()
+    }
+}
+
 impl Interpolate for DVec3 {
     fn interpolate(self, other: Self, fraction: f64) -> Self {
         self.lerp(other, fraction)

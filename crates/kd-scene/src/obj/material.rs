@@ -17,6 +17,7 @@ pub(super) struct MtlMaterial {
     pub(super) name: String,
     diffuse: Option<Vec3>,
     specular: Option<Vec3>,
+    emission: Option<Vec3>,
     shine: Option<f32>,
     /// 1 is opaque.
     opacity: Option<f32>,
@@ -86,6 +87,7 @@ impl MtlMaterial {
         let is_set = match keyword {
             "Kd" => assign(&mut self.diffuse, color(statement)),
             "Ks" => assign(&mut self.specular, color(statement)),
+            "Ke" => assign(&mut self.emission, color(statement)),
             "Ns" => assign(&mut self.shine, last_number(statement)),
             "Ni" => assign(&mut self.refraction, last_number(statement)),
             "d" => assign(&mut self.opacity, last_number(statement)),
@@ -121,6 +123,7 @@ impl MtlMaterial {
             shine: self.shine.unwrap_or(0.0).max(0.0),
             transmittance: (1.0 - self.opacity.unwrap_or(1.0)).clamp(0.0, 1.0),
             refraction: self.refraction.unwrap_or(1.0),
+            emission: self.emission.unwrap_or(Vec3::ZERO),
         }
     }
 }

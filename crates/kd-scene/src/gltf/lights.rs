@@ -1,0 +1,85 @@
+//! The lights of a glTF file (`KHR_lights_punctual`).
+
+use glam::Vec3;
+use kd_core::Aabb;
+
+use super::Reader;
+use super::json::{self, Node, Whole};
+use crate::report::WarningCode;
+use crate::{Light, LightKind, LoadError, SceneDescription};
+
+impl Reader<'_> {
+    /// Adds the light of a node, which is `number` in the scene.
+    pub(super) fn light(&mut self, node: &Node, number: usize) -> Result<(), LoadError> {
+        const LIGHTS: &str = "/extensions/KHR_lights_punctual/lights";
+        let Some(of_node) = node.extensions.get("KHR_lights_punctual") else {
+            return Ok(());
+        };
+        let Some(index) = of_node.get("light").and_then(serde_json::Value::as_u64) else {
+            return Ok(());
+        };
+        let index = Whole(usize::try_from(index).unwrap_or(usize::MAX));
+        let light: json::Light = self.document.get(LIGHTS, index)?;
+        let kind = match light.r#type.as_str() {
+            "point" => LightKind::Point,
+            "directional" => LightKind::Directional,
+            "spot" => {
+                let spot = light.spot.unwrap_or_default();
+                let outer = spot.outer_cone_angle.unwrap_or(std::f32::consts::FRAC_PI_4);
+                LightKind::Spot {
+                    inner: spot.inner_cone_angle.clamp(0.0, outer),
+                    outer,
+                }
+            }
+            other => {
+                let what = format!("a light has the unknown type `{other}`; it is left out");
+                let pointer = format!("{LIGHTS}/{}", index.0);
+                self.warn(&pointer, WarningCode::BadMaterial, what);
+                return Ok(());
+            }
+        };
+        let color = Vec3::from(light.color.unwrap_or([1.0; 3]));
+        self.scene.lights.push(Light {
+            kind,
+            node: Some(number),
+            ..Light::point(Vec3::ZERO, color * light.intensity.unwrap_or(1.0).max(0.0))
+        });
+        Ok(())
+    }
+}
+
+/// Scales the colors of the lights, in candela and lux, to what a renderer without distance falloff and exposure shows: as bright
+/// as they are in the middle of the scene, and 1 in sum.
+pub(super) fn expose(scene: &mut SceneDescription) {
+    let start = scene.span.map_or(0.0, |span| span.start);
+    let placed = scene.placed_nodes(start);
+    let mut bounds = Aabb::EMPTY;
+    for part in &scene.parts {
+        let to = SceneDescription::placed_part(part, &placed);
+        let of_part = part.mesh.bounds();
+        if of_part.is_empty() {
+            continue;
+        }
+        let corner = |i: u32| {
+            let is_max = Vec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32));
+            to.transform_point3(of_part.min + is_max * of_part.extent())
+        };
+        bounds = bounds.union(&Aabb::around((0..8).map(corner)));
+    }
+    let middle = bounds.center().as_dvec3();
+    let of_nearest = (0.1 * f64::from(bounds.diagonal())).powi(2);
+    for light in &mut scene.lights {
+        let at = light.placed(start, &placed).0.as_dvec3();
+        let square = at.distance_squared(middle).max(of_nearest);
+        if light.kind != LightKind::Directional && square > 0.0 && square.is_finite() {
+            light.color = (light.color.as_dvec3() / square).as_vec3();
+        }
+    }
+    let sum: Vec3 = scene.lights.iter().map(|light| light.color).sum();
+    let brightest = sum.max_element();
+    if brightest > 0.0 && brightest.is_finite() {
+        for light in &mut scene.lights {
+            light.color /= brightest;
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! Parts that change their shape: meshes with skins or with animated morph targets.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat4, DVec3, Vec3};
+
+use super::json::{self, Node, Whole};
+use super::primitive::{Offsets, Triangles};
+use super::{Enclosing, Reader};
+use crate::draft::{PartDraft, Transform};
+use crate::keys::sampled::Sampled;
+use crate::{Deformation, LoadError, MorphTargets, Part, Skin};
+
+/// A part of the mesh of one node, before the indices of its joints are known.
+pub(super) struct OwnPart {
+    /// The node in the file.
+    node: Whole,
+    skin: Option<Whole>,
+    part: Part,
+    influences: Vec<[(u16, f32); 4]>,
+    offsets: Vec<Vec<Vec3>>,
+    normals: Vec<Vec<[Vec3; 3]>>,
+}
+
+impl Reader<'_> {
+    /// Adds the mesh of a node as a part of its own.
+    pub(super) fn own_part(
+        &mut self,
+        node: &Node,
+        number: Whole,
+        enclosing: Enclosing,
+        primitives: &[Triangles],
+    ) -> Result<(), LoadError> {
+        // The joints of a skin place it, whatever its node is.
+        let (of_node, transform) = match node.skin {
+            Some(_) => (None, DAffine3::IDENTITY),
+            None => (enclosing.moving_node, enclosing.to_moving_node),
+        };
+        let transform = Transform::new(transform);
+        let mut draft = PartDraft::new(node.name.clone(), of_node, false);
+        let targets = primitives.iter().map(|primitive| primitive.targets.len());
+        let targets = targets.max().unwrap_or(0);
+        let (mut offsets, mut normals) = (vec![Vec::new(); targets], vec![Vec::new(); targets]);
+        let mut influences = Vec::new();
+        let pointer = format!("/nodes/{}", number.0);
+        for primitive in primitives {
+            self.count(primitive.triangles.len(), &pointer)?;
+            let before = draft.triangles().len();
+            let vertices = primitive.add_to(&mut draft, &transform, self.file, self.report)?;
+            influences.extend_from_slice(&primitive.influences);
+            influences.resize(
+                influences.len() - primitive.influences.len() + vertices.len(),
+                [(0, 0.0); 4],
+            );
+            for (number, (offsets, normals)) in offsets.iter_mut().zip(&mut normals).enumerate() {
+                let target = primitive.targets.get(number);
+                let first = vertices.first().copied().unwrap_or(0);
+                let added = &draft.triangles()[before..];
+                add_offsets(target, &transform, vertices.len(), offsets);
+                add_normals(target, &transform, added, first, normals);
+            }
+        }
+        let part = draft.finish().map_err(|source| LoadError::Mesh {
+            file: self.file.to_owned(),
+            source,
+        })?;
+        self.own_parts.push(OwnPart {
+            node: number,
+            skin: node.skin,
+            part,
+            influences,
+            offsets,
+            normals,
+        });
+        Ok(())
+    }
+
+    /// Adds all such parts to the scene. `weights` are the curves of morph targets by node of the file.
+    pub(super) fn finish_own_parts(
+        &mut self,
+        weights: &HashMap<usize, Vec<Sampled<f64>>>,
+    ) -> Result<(), LoadError> {
+        for own in std::mem::take(&mut self.own_parts) {
+            let skin = own.skin.map(|skin| self.skin(skin, own.influences));
+            let skin = skin.transpose()?;
+            let mut part = own.part;
+            part.deformation = match weights.get(&own.node.0) {
+                Some(weights) => Some(Deformation::Targets(MorphTargets {
+                    offsets: own.offsets,
+                    normals: own.normals,
+                    weights: weights.clone(),
+                    skin,
+                })),
+                None => skin.map(Deformation::Skin),
+            };
+            self.scene.parts.push(part);
+        }
+        Ok(())
+    }
+
+    fn skin(&mut self, number: Whole, influences: Vec<[(u16, f32); 4]>) -> Result<Skin, LoadError> {
+        const SKINS: &str = "/skins";
+        let skin: json::Skin = self.document.get(SKINS, number)?;
+        let bad = |problem: String| {
+            self.document
+                .bad_value(&format!("{SKINS}/{}", number.0), problem)
+        };
+        let mut joints = Vec::new();
+        for joint in &skin.joints {
+            let node = self.node_index.get(&joint.0).copied();
+            joints.push(
+                node.ok_or_else(|| bad(format!("the joint {} is not in the scene", joint.0)))?,
+            );
+        }
+        let weighted = influences
+            .iter()
+            .flatten()
+            .filter(|(_, weight)| *weight > 0.0);
+        let last = weighted.map(|(joint, _)| usize::from(*joint)).max();
+        if let Some(last) = last.filter(|last| *last >= joints.len()) {
+            let problem = format!("a vertex has the joint {last}, there are {}", joints.len());
+            return Err(bad(problem));
+        }
+        let matrices = skin
+            .inverse_bind_matrices
+            .map(|matrices| self.numbers::<16>(matrices, false));
+        let matrices = matrices.transpose()?.unwrap_or_default().into_iter();
+        let mut inverse_binds: Vec<DAffine3> = matrices
+            .map(|matrix| DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from))))
+            .collect();
+        inverse_binds.resize(joints.len(), DAffine3::IDENTITY);
+        Ok(Skin {
+            joints,
+            inverse_binds,
+            influences,
+        })
+    }
+}
+
+/// Adds the offsets of `count` vertices in a target, zeros if it has none.
+fn add_offsets(target: Option<&Offsets>, transform: &Transform, count: usize, to: &mut Vec<Vec3>) {
+    let end = to.len() + count;
+    if let Some(offsets) = target.and_then(|target| target.positions.as_ref()) {
+        let offsets = offsets
+            .iter()
+            .take(count)
+            .map(|offset| Vec3::from(*offset).as_dvec3());
+        to.extend(offsets.map(|offset| transform.vector(offset).as_vec3()));
+    }
+    to.resize(end, Vec3::ZERO);
+}
+
+/// Adds the offsets of the normals of triangles in a target, zeros if it has none. Vertices of the primitive begin at `first`.
+fn add_normals(
+    target: Option<&Offsets>,
+    transform: &Transform,
+    triangles: &[[u32; 3]],
+    first: u32,
+    to: &mut Vec<[Vec3; 3]>,
+) {
+    let offsets = target.and_then(|target| target.normals.as_ref());
+    to.extend(triangles.iter().map(|corners| {
+        corners.map(|corner| match offsets {
+            Some(offsets) => {
+                let offset = DVec3::from(offsets[(corner - first) as usize].map(f64::from));
+                transform.vector(offset).as_vec3()
+            }
+            None => Vec3::ZERO,
+        })
+    }));
+}

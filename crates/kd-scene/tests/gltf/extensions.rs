@@ -1,0 +1,226 @@
+//! Extensions that the reader uses.
+
+use glam::{Vec2, Vec3};
+use kd_scene::{LightKind, TextureSource};
+use serde_json::{Value, json};
+
+use crate::file::{File, TRIANGLE, read};
+
+/// A triangle in one node, with what `rest` adds.
+fn triangle(mut file: File, node: Value, primitive: Value, rest: Value) -> Value {
+    let positions = file.floats("VEC3", 3, &TRIANGLE);
+    let mut all = json!({
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions } }] }],
+    });
+    merge(&mut all["nodes"][0], node);
+    merge(&mut all["meshes"][0]["primitives"][0], primitive);
+    merge(&mut all, rest);
+    file.finish(all)
+}
+
+fn merge(to: &mut Value, from: Value) {
+    match (to, from) {
+        (Value::Object(to), Value::Object(from)) => {
+            for (name, value) in from {
+                merge(to.entry(name).or_insert(Value::Null), value);
+            }
+        }
+        (to, from) => *to = from,
+    }
+}
+
+#[test]
+fn instances_are_placed() {
+    let mut file = File::default();
+    let moves = file.floats("VEC3", 3, &[5.0, 0.0, 0.0, 0.0, 0.0, 7.0]);
+    // A quarter turn about z, as normalized bytes would have it too.
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let turns = file.floats("VEC4", 4, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half]);
+    let scales = file.floats("VEC3", 3, &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
+    let of = json!({ "attributes": { "TRANSLATION": moves, "ROTATION": turns, "SCALE": scales, "_ID": scales } });
+    let node =
+        json!({ "translation": [0, 100, 0], "extensions": { "EXT_mesh_gpu_instancing": of } });
+    let file = triangle(file, node, json!({}), json!({}));
+    let scene = read(&file).expect("valid");
+    let mesh = &scene.parts[0].mesh;
+    assert_eq!(mesh.len(), 2);
+    assert_eq!(mesh.corners(0)[1], Vec3::new(6.0, 100.0, 0.0));
+    let second = mesh.corners(1)[1];
+    assert!(
+        second.distance(Vec3::new(0.0, 102.0, 7.0)) < 1e-5,
+        "{second}"
+    );
+
+    let mut wrong = file;
+    let one = json!(0);
+    wrong["accessors"][0]["count"] = json!(1);
+    wrong["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = one;
+    let error = read(&wrong).expect_err("two counts").to_string();
+    assert!(
+        error.ends_with("attributes: the accessors have different counts"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_short_file_cannot_have_any_number_of_triangles() {
+    let mut file = File::default();
+    let moves = file.floats("VEC3", 3, &[0.0; 3]);
+    file.accessors[moves] = json!({ "componentType": 5126, "type": "VEC3", "count": 60_000 });
+    let corners = file.indices(&[0; 60_000]);
+    let node = json!({ "extensions": { "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": moves } } } });
+    let file = triangle(file, node, json!({ "indices": corners }), json!({}));
+    let error = read(&file).expect_err("too many").to_string();
+    let expected =
+        "a/scene.gltf: /nodes/0: the instances of meshes have more than 268435456 triangles";
+    assert_eq!(error, expected);
+}
+
+#[test]
+fn colors_of_vertices_are_read() {
+    for (component, bytes) in [
+        (5121, vec![255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255]),
+        (
+            5126,
+            [1.0_f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+                .iter()
+                .flat_map(|x| x.to_le_bytes())
+                .collect(),
+        ),
+    ] {
+        let mut file = File::default();
+        let kind = if component == 5121 { "VEC4" } else { "VEC3" };
+        let colors = file.add(&bytes, component, kind, 3, None);
+        let primitive = json!({ "attributes": { "COLOR_0": colors } });
+        let scene = read(&triangle(file, json!({}), primitive, json!({}))).expect("valid");
+        assert_eq!(
+            scene.parts[0].surface.colors,
+            [[Vec3::X, Vec3::Y, Vec3::Z]],
+            "{kind}"
+        );
+    }
+}
+
+#[test]
+fn lights_follow_their_nodes() {
+    let lights = json!([
+        { "type": "point", "color": [1, 0.5, 0], "intensity": 4 },
+        { "type": "directional" },
+        { "type": "spot", "intensity": 0, "spot": { "innerConeAngle": 0.25, "outerConeAngle": 0.5 } },
+        { "type": "area" },
+    ]);
+    let with = |light: u32| json!({ "KHR_lights_punctual": { "light": light } });
+    let rest = json!({
+        "nodes": [
+            { "mesh": 0, "extensions": with(0), "translation": [0, 0, 2] },
+            { "extensions": with(1), "rotation": [-1, 0, 0, 1] },
+            { "extensions": with(2) },
+            { "extensions": with(3) },
+        ],
+        "scenes": [{ "nodes": [0, 1, 2, 3] }],
+        "extensions": { "KHR_lights_punctual": { "lights": lights } },
+    });
+    let scene = read(&triangle(File::default(), json!({}), json!({}), rest)).expect("valid");
+    let kinds: Vec<LightKind> = scene.lights.iter().map(|light| light.kind).collect();
+    let spot = LightKind::Spot {
+        inner: 0.25,
+        outer: 0.5,
+    };
+    assert_eq!(kinds, [LightKind::Point, LightKind::Directional, spot]);
+    let nodes = scene.placed_nodes(0.0);
+    assert_eq!(
+        scene.lights[0].placed(0.0, &nodes).0,
+        Vec3::new(0.0, 0.0, 2.0)
+    );
+    let down = scene.lights[1].placed(0.0, &nodes).1;
+    assert!(down.distance(Vec3::NEG_Y) < 1e-6, "{down}");
+    let [red, green] = [0, 1].map(|i| scene.lights.iter().map(|light| light.color[i]).sum::<f32>());
+    assert!(
+        (red - 1.0).abs() < 1e-6 && green < 1.0,
+        "exposed: {red} {green}"
+    );
+    assert_eq!(scene.lights[2].color, Vec3::ZERO);
+    let warning = scene.warnings[0].to_string();
+    assert!(
+        warning.ends_with("lights/3: a light has the unknown type `area`; it is left out"),
+        "{warning}"
+    );
+}
+
+#[test]
+fn textures_are_transformed() {
+    let mut file = File::default();
+    let uvs = file.floats("VEC2", 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let primitive = json!({ "attributes": { "TEXCOORD_1": uvs }, "material": 0 });
+    let transform =
+        json!({ "offset": [0.5, 0.25], "rotation": 1.570_796_4, "scale": [2, 3], "texCoord": 1 });
+    let texture = json!({ "index": 0, "extensions": { "KHR_texture_transform": transform } });
+    let rest = json!({
+        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": texture } }],
+        "textures": [{ "extensions": { "EXT_texture_webp": { "source": 0 } } }],
+        "images": [{ "uri": "a.webp" }],
+    });
+    let scene = read(&triangle(file, json!({}), primitive, rest)).expect("valid");
+    let expected = [
+        Vec2::new(0.5, 0.25),
+        Vec2::new(0.5, -1.75),
+        Vec2::new(3.5, 0.25),
+    ];
+    for (uv, expected) in scene.parts[0].surface.uvs[0].into_iter().zip(expected) {
+        assert!(
+            Vec2::from(uv).distance(expected) < 1e-5,
+            "{uv:?}, not {expected}"
+        );
+    }
+    assert_eq!(
+        scene.textures[0].source,
+        TextureSource::File("a/a.webp".into())
+    );
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
+fn materials_have_what_their_extensions_say() {
+    let material = |material: Value| {
+        let primitive = json!({ "material": 0 });
+        let rest = json!({ "materials": [material] });
+        let scene = read(&triangle(File::default(), json!({}), primitive, rest)).expect("valid");
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        scene.materials[0].clone()
+    };
+    let glowing = material(json!({
+        "emissiveFactor": [0.5, 0, 1],
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 2 } },
+    }));
+    assert_eq!(glowing.emission, Vec3::new(1.0, 0.0, 2.0));
+    let glass = material(json!({ "extensions": {
+        "KHR_materials_transmission": { "transmissionFactor": 0.75 },
+        "KHR_materials_ior": { "ior": 1.25 },
+    } }));
+    assert_eq!((glass.transmittance, glass.refraction), (0.75, 1.25));
+    let glossy = material(
+        json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [0.25, 0.5, 0.75, 1], "specularFactor": [0, 0, 0], "glossinessFactor": 0.5,
+    } } }),
+    );
+    assert_eq!(glossy.diffuse, Vec3::new(0.25, 0.5, 0.75));
+    let unlit = material(json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [1, 0, 0, 1] },
+        "extensions": { "KHR_materials_unlit": {} },
+    }));
+    assert_eq!((unlit.ambient, unlit.diffuse), (Vec3::X, Vec3::ZERO));
+    let factor = json!({ "baseColorFactor": [1, 1, 1, 0.25] });
+    let clear = material(json!({ "pbrMetallicRoughness": factor.clone(), "alphaMode": "BLEND" }));
+    assert_eq!(clear.transmittance, 0.75);
+    let opaque = material(json!({ "pbrMetallicRoughness": factor }));
+    assert_eq!(opaque.transmittance, 0.0, "OPAQUE ignores alpha");
+}
+
+#[test]
+fn hidden_nodes_are_left_out() {
+    let node = json!({ "extensions": { "KHR_node_visibility": { "visible": false } } });
+    let scene = read(&triangle(File::default(), node, json!({}), json!({}))).expect("valid");
+    assert!(scene.parts.is_empty(), "{:?}", scene.parts);
+}

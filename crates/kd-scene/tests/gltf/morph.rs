@@ -1,0 +1,97 @@
+//! Morph targets.
+
+use glam::Vec3;
+use kd_scene::SceneDescription;
+use serde_json::{Value, json};
+
+use crate::file::{File, TRIANGLE, read};
+
+/// A triangle with two targets: one lifts the second corner along z, the other moves all along x and tilts the normals.
+fn with_targets(mut file: File) -> (File, Value) {
+    let positions = file.floats("VEC3", 3, &TRIANGLE);
+    let normals = file.floats("VEC3", 3, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let lift = file.floats("VEC3", 3, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    let shift = file.floats("VEC3", 3, &[1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+    let primitive = json!({
+        "attributes": { "POSITION": positions, "NORMAL": normals },
+        "targets": [{ "POSITION": lift }, { "POSITION": shift, "NORMAL": shift }],
+    });
+    (file, primitive)
+}
+
+#[test]
+fn constant_weights_change_the_mesh() {
+    let (file, primitive) = with_targets(File::default());
+    let mut file = file.finish(json!({
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [primitive], "weights": [0.5, 0] }],
+    }));
+    let at_rest = read(&file).expect("valid");
+    assert_eq!(
+        at_rest.parts[0].mesh.corners(0)[1],
+        Vec3::new(1.0, 0.0, 0.5)
+    );
+    file["nodes"][0]["weights"] = json!([0, 3]);
+    let of_node = read(&file).expect("valid");
+    assert_eq!(
+        of_node.parts[0].mesh.corners(0)[1],
+        Vec3::new(4.0, 0.0, 0.0)
+    );
+    let normal = of_node.parts[0].surface.normals[0][0];
+    assert!(
+        normal.distance(Vec3::new(3.0, 0.0, 1.0).normalize()) < 1e-6,
+        "{normal}"
+    );
+    assert!(
+        of_node.parts[0].deformation.is_none() && of_node.warnings.is_empty(),
+        "static"
+    );
+}
+
+#[test]
+fn animated_weights_deform_the_part() {
+    let (mut file, primitive) = with_targets(File::default());
+    let times = file.floats("SCALAR", 1, &[0.0, 2.0]);
+    let weights = file.floats("SCALAR", 1, &[0.0, 0.0, 1.0, 2.0]);
+    let joints = file.add(&[0; 12], 5121, "VEC4", 3, None);
+    let influences = file.floats("VEC4", 4, &[1.0, 0.0, 0.0, 0.0].repeat(3));
+    let mut file = file.finish(json!({
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [{ "mesh": 0, "translation": [0, 10, 0] }, { "translation": [0, 0, 100] }],
+        "meshes": [{ "primitives": [primitive] }],
+        "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
+            "samplers": [{ "input": times, "output": weights }],
+        }],
+    }));
+    let corner =
+        |scene: &SceneDescription, time: f64| scene.mesh_at(time).expect("finite").corners(0)[1];
+    let scene = read(&file).expect("valid");
+    assert_eq!(scene.span.map(|span| span.end), Some(2.0));
+    assert_eq!(corner(&scene, 0.0), Vec3::new(1.0, 10.0, 0.0));
+    assert_eq!(corner(&scene, 1.0), Vec3::new(2.0, 10.0, 0.5));
+    assert_eq!(corner(&scene, 2.0), Vec3::new(3.0, 10.0, 1.0));
+    let normals = scene.parts[0].deformed_normals(2.0, &scene.placed_nodes(2.0));
+    assert_eq!(normals, Some(vec![[Vec3::new(2.0, 0.0, 1.0); 3]]));
+
+    // A skin moves what the targets have changed, and ignores the transform of its node.
+    let primitive = &mut file["meshes"][0]["primitives"][0];
+    primitive["attributes"]["JOINTS_0"] = json!(joints);
+    primitive["attributes"]["WEIGHTS_0"] = json!(influences);
+    file["nodes"][0]["skin"] = json!(0);
+    file["skins"] = json!([{ "joints": [1] }]);
+    let scene = read(&file).expect("valid");
+    assert_eq!(corner(&scene, 1.0), Vec3::new(2.0, 0.0, 100.5));
+    let normals = scene.parts[0].deformed_normals(2.0, &scene.placed_nodes(2.0));
+    assert_eq!(normals, Some(vec![[Vec3::new(2.0, 0.0, 1.0); 3]]));
+
+    file["accessors"][5]["count"] = json!(3);
+    let error = read(&file)
+        .expect_err("three weights for two keys")
+        .to_string();
+    assert_eq!(
+        error,
+        "a/scene.gltf: /animations/0/samplers/0: has 2 key times, but 3 values"
+    );
+}
