@@ -39,7 +39,9 @@ pub enum LoadError {
         format: &'static str,
     },
     /// Neither the content nor the extension identifies the format.
-    #[error("{file}: unknown format, expected .obj, .ply, .gltf, .glb, .aff or .nff")]
+    #[error(
+        "{file}: unknown format, expected .obj, .ply, .stl, .off, .gltf, .glb, .3mf, .aff or .nff"
+    )]
     UnknownFormat {
         /// Name of the file.
         file: String,

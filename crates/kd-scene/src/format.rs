@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use crate::source::Source;
+use crate::{LoadError, off, stl};
+
 /// A format of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
@@ -15,12 +18,28 @@ pub(crate) enum Format {
     Glb,
     /// NFF, and AFF, which extends it.
     Aff,
+    /// STL, text or binary.
+    Stl,
+    /// The object file format of Geomview.
+    Off,
+    /// The 3D manufacturing format.
+    ThreeMf,
 }
 
 impl Format {
     /// The format that the content identifies, else the one of the extension.
-    pub(crate) fn of(bytes: &[u8], path: &Path) -> Option<Self> {
-        Self::of_content(bytes).or_else(|| Self::of_extension(path))
+    pub(crate) fn of(source: &mut Source<'_>, path: &Path) -> Result<Option<Self>, LoadError> {
+        /// A binary file has no lines; a text has its first statement early.
+        const HEAD: usize = 1 << 16;
+        if let Some(format) = Self::of_magic(source.at_least(HEAD)?) {
+            return Ok(Some(format));
+        }
+        if stl::is_binary(source)? || stl::is_text(source)? {
+            return Ok(Some(Self::Stl));
+        }
+        let head = source.at_least(HEAD)?;
+        let format = Self::of_first_statement(&head[..head.len().min(HEAD)]);
+        Ok(format.or_else(|| Self::of_extension(path)))
     }
 
     fn of_extension(path: &Path) -> Option<Self> {
@@ -31,11 +50,14 @@ impl Format {
             "gltf" => Self::Gltf,
             "glb" => Self::Glb,
             "aff" | "nff" => Self::Aff,
+            "stl" => Self::Stl,
+            "off" | "coff" | "noff" => Self::Off,
+            "3mf" => Self::ThreeMf,
             _ => return None,
         })
     }
 
-    fn of_content(bytes: &[u8]) -> Option<Self> {
+    fn of_magic(bytes: &[u8]) -> Option<Self> {
         let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             return Some(Self::Ply);
@@ -43,21 +65,25 @@ impl Format {
         if bytes.starts_with(b"glTF") {
             return Some(Self::Glb);
         }
-        if bytes.trim_ascii_start().starts_with(b"{") {
-            return Some(Self::Gltf);
+        if bytes.starts_with(b"PK\x03\x04") {
+            return Some(Self::ThreeMf);
         }
-        Self::of_first_statement(bytes)
+        bytes
+            .trim_ascii_start()
+            .starts_with(b"{")
+            .then_some(Self::Gltf)
     }
 
     /// OBJ and NFF are lines of words, with the same `v` and `f` for other things: the first line that is no comment
     /// distinguishes them, since the `v` of a view in NFF precedes `from`, and that of a vertex in OBJ its coordinates.
     fn of_first_statement(bytes: &[u8]) -> Option<Self> {
-        /// A binary file has no lines; a text has its first statement early.
-        const HEAD: usize = 1 << 16;
-        let head = &bytes[..bytes.len().min(HEAD)];
-        let lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+        let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+        let lines = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
         let mut statements = lines.filter(|line| !line.is_empty() && !line.starts_with(b"#"));
         let first = statements.next()?;
+        if off::is_header(first) {
+            return Some(Self::Off);
+        }
         let words = first.split(u8::is_ascii_whitespace);
         let mut words = words.filter(|word| !word.is_empty());
         let keyword = words.next()?;
@@ -80,6 +106,9 @@ impl Format {
             Self::Gltf => "glTF",
             Self::Glb => "binary glTF",
             Self::Aff => "AFF and NFF",
+            Self::Stl => "STL",
+            Self::Off => "OFF",
+            Self::ThreeMf => "3MF",
         }
     }
 }
@@ -90,7 +119,8 @@ mod tests {
 
     #[test]
     fn content_decides_where_it_identifies_a_format() {
-        let rows: [(&[u8], &str, Option<Format>); 15] = [
+        let stl = [&[b' '; 80][..], &1_u32.to_le_bytes(), &[0; 50]].concat();
+        let rows: [(&[u8], &str, Option<Format>); 24] = [
             (b"ply\nformat", "a.obj", Some(Format::Ply)),
             (b"glTF\x02", "a.ply", Some(Format::Glb)),
             (b"\n { \"asset\": {} }", "a.nff", Some(Format::Gltf)),
@@ -104,16 +134,26 @@ mod tests {
             (b"", "a.gltf", Some(Format::Gltf)),
             (b"", "a.glb", Some(Format::Glb)),
             (b"v\n", "a.aff", Some(Format::Aff)),
-            (b"solid", "a.stl", None),
+            (
+                b"solid a\n facet normal 0 0 1\n",
+                "a.obj",
+                Some(Format::Stl),
+            ),
+            (b"Solid\nEndSolid\n", "a", Some(Format::Stl)),
+            (&stl, "a.obj", Some(Format::Stl)),
+            (&stl[..83], "a.off", Some(Format::Off)),
+            (b"# cube\nOFF\n8 6 12\n", "a.ply", Some(Format::Off)),
+            (b"COFF 8 6 12\n", "a", Some(Format::Off)),
+            (b"PK\x03\x04", "a", Some(Format::ThreeMf)),
+            (b"solid", "a.STL", Some(Format::Stl)),
+            (b"", "a.3mf", Some(Format::ThreeMf)),
+            (b"solid", "a.txt", None),
             (b"", "none", None),
         ];
         for (bytes, name, format) in rows {
             let text = String::from_utf8_lossy(bytes);
-            assert_eq!(
-                Format::of(bytes, Path::new(name)),
-                format,
-                "{name}: {text:?}"
-            );
+            let found = Format::of(&mut Source::of_bytes(bytes, name), Path::new(name));
+            assert_eq!(found.expect("no error"), format, "{name}: {text:?}");
         }
     }
 }

@@ -4,7 +4,7 @@
 //! generates Eric Haines' Standard Procedural Databases, the scenes that ray tracers have been compared on since 1987, the same
 //! bit for bit on every platform. [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays.
 //!
-//! With the feature `scenes`, on by default, `load_mesh` also reads AFF, NFF and glTF 2.0, and `load_scene` reads all of a scene: a
+//! With the feature `scenes`, on by default, `load_mesh` also reads AFF, NFF, 3MF and glTF 2.0, and `load_scene` reads all of a scene: a
 //! `SceneDescription` has parts with their materials, lights, a camera, and their motion. `toy_room` generates one.
 //!
 //! ```
@@ -33,6 +33,7 @@ mod description;
 #[cfg(feature = "scenes")]
 mod draft;
 mod error;
+mod file_mesh;
 #[cfg(feature = "scenes")]
 mod files;
 mod format;
@@ -44,15 +45,23 @@ mod keys;
 mod load;
 #[cfg(feature = "scenes")]
 mod load_scene;
+mod memory;
 mod obj;
+mod off;
 mod ply;
 mod polygon;
 mod report;
 mod rooms;
+mod source;
 mod spd;
+mod stl;
 mod tessellate;
+mod text_lines;
+#[cfg(feature = "scenes")]
+mod threemf;
 #[cfg(feature = "scenes")]
 mod toy_room;
+mod words;
 
 #[cfg(feature = "scenes")]
 pub use aff::{AffOptions, load_aff, read_aff};
@@ -74,9 +83,13 @@ pub use load_scene::{load_scene, load_scene_with};
 pub use obj::read_obj;
 #[cfg(feature = "scenes")]
 pub use obj::read_obj_scene;
+pub use off::read_off;
 pub use ply::read_ply;
 pub use report::{Loaded, Place, Strictness, Warning, WarningCode};
 pub use rooms::Room;
 pub use spd::{SceneSetup, Spd, SpdError};
+pub use stl::read_stl;
+#[cfg(feature = "scenes")]
+pub use threemf::read_3mf;
 #[cfg(feature = "scenes")]
 pub use toy_room::{toy_room, toy_room_aff};

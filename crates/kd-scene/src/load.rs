@@ -1,25 +1,40 @@
 //! From the path of a file to a mesh.
 
+use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 
 use kd_core::Mesh;
 
 use crate::LoadError;
 use crate::format::Format;
 use crate::obj::read_obj_with;
+use crate::off::read_off_with;
 use crate::ply::read_ply_with;
 use crate::report::{Loaded, Report, Strictness, Warning};
+use crate::source::Source;
+use crate::stl::read_stl_with;
 #[cfg(feature = "scenes")]
-use crate::{
-    AffOptions, SceneDescription, aff::read_aff_with, files::files_with, gltf::read_gltf_with,
-};
+use crate::{AffOptions, SceneDescription, load_scene::read_scene};
 
 /// How files are read.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default)]
 pub struct LoadOptions {
     pub(crate) strictness: Strictness,
+    on_progress: Option<Arc<OnProgress>>,
     #[cfg(feature = "scenes")]
     pub(crate) aff: AffOptions,
+}
+
+/// Receives how many bytes of a file are read, and how many it has.
+type OnProgress = dyn Fn(u64, u64) + Send + Sync;
+
+impl fmt::Debug for LoadOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut fields = f.debug_struct("LoadOptions");
+        fields.field("strictness", &self.strictness);
+        fields.finish_non_exhaustive()
+    }
 }
 
 impl LoadOptions {
@@ -43,6 +58,20 @@ impl LoadOptions {
         self
     }
 
+    /// Calls `on_progress` while a file is read, with the number of bytes that are read and that the file has. Files that a file names
+    /// do not count.
+    #[must_use]
+    pub fn with_progress(mut self, on_progress: impl Fn(u64, u64) + Send + Sync + 'static) -> Self {
+        self.on_progress = Some(Arc::new(on_progress));
+        self
+    }
+
+    /// Opens a file; errors name it `name`.
+    pub(crate) fn open<'a>(&'a self, path: &Path, name: &'a str) -> Result<Source<'a>, LoadError> {
+        let on_progress = self.on_progress.as_deref();
+        Source::open(path, name, on_progress.map(|it| it as &dyn Fn(u64, u64)))
+    }
+
     /// What was read with its warnings, which are an error if the reader is strict.
     pub(crate) fn finish<T>(
         &self,
@@ -59,14 +88,15 @@ impl LoadOptions {
     }
 }
 
-/// Reads the triangles of a file: OBJ and PLY, and with the feature `scenes` also glTF 2.0 (`.gltf` and `.glb`), AFF and NFF.
+/// Reads the triangles of a file: OBJ, PLY, STL and OFF, and with the feature `scenes` also glTF 2.0 (`.gltf` and `.glb`), 3MF, AFF and
+/// NFF.
 ///
 /// The content decides on the format where it identifies one, then the extension, in any case. Only geometry is read: of a scene
 /// that moves, the triangles of all parts in the first frame. Convex polygons become fans of triangles, concave ones are triangulated by
 /// ear clipping, in file order. A file without faces is an empty mesh. [`load_mesh_with`] also returns warnings about what is
 /// left out.
 ///
-/// The whole file is held in memory while it is read; no allocation relies on a count that the file only claims.
+/// OBJ, PLY, STL and OFF are read piece by piece, the others in memory; no allocation relies on a count that the file only claims.
 ///
 /// # Errors
 ///
@@ -105,48 +135,28 @@ pub fn load_mesh_with(
 ) -> Result<Loaded<Mesh>, LoadError> {
     let path = path.as_ref();
     let file = path.display().to_string();
-    let bytes = read(path, &file)?;
+    let mut source = options.open(path, &file)?;
     let mut report = Report::new(options.strictness);
-    let mesh = match Format::of(&bytes, path) {
-        Some(Format::Obj) => read_obj_with(&bytes, &file, &mut report)?,
-        Some(Format::Ply) => read_ply_with(&bytes, &file, &mut report)?,
+    let mesh = match Format::of(&mut source, path)? {
+        Some(Format::Obj) => read_obj_with(&mut source, &mut report)?,
+        Some(Format::Ply) => read_ply_with(&mut source, &mut report)?,
+        Some(Format::Stl) => read_stl_with(&mut source, &mut report)?,
+        Some(Format::Off) => read_off_with(&mut source, &mut report)?,
         #[cfg(feature = "scenes")]
-        Some(Format::Gltf | Format::Glb) => {
-            let scene = read_gltf_with(path, &mut files_with(path, bytes), &mut report)?;
-            first_frame(&scene, file)?
-        }
-        #[cfg(feature = "scenes")]
-        Some(Format::Aff) => {
-            let files = &mut files_with(path, bytes);
-            first_frame(
-                &read_aff_with(path, files, &options.aff, &mut report)?,
-                file,
-            )?
+        Some(format) => {
+            let scene = read_scene(format, source, path, options, &mut report)?;
+            first_frame(&scene, file.clone())?
         }
         #[cfg(not(feature = "scenes"))]
         Some(format) => {
             return Err(LoadError::UnsupportedFormat {
-                file,
+                file: file.clone(),
                 format: format.name(),
             });
         }
-        None => return Err(LoadError::UnknownFormat { file }),
+        None => return Err(LoadError::UnknownFormat { file: file.clone() }),
     };
     options.finish(mesh, report.finish())
-}
-
-pub(crate) fn read(path: &Path, file: &str) -> Result<Vec<u8>, LoadError> {
-    let mut reader = std::fs::File::open(path).map_err(|source| LoadError::Open {
-        file: file.to_owned(),
-        source,
-    })?;
-    let mut bytes = Vec::new();
-    let read = std::io::Read::read_to_end(&mut reader, &mut bytes);
-    read.map_err(|source| LoadError::Read {
-        file: file.to_owned(),
-        source,
-    })?;
-    Ok(bytes)
 }
 
 #[cfg(feature = "scenes")]

@@ -3,17 +3,22 @@
 use std::path::Path;
 
 use crate::aff::read_aff_with;
-use crate::files::files_with;
+use crate::files::{files_with, read_whole};
 use crate::format::Format;
 use crate::gltf::read_gltf_with;
-use crate::load::{LoadOptions, read};
+use crate::load::LoadOptions;
 use crate::obj::read_obj_scene_with;
+use crate::off::read_off_with;
 use crate::ply::read_ply_with;
 use crate::report::{Loaded, Report};
+use crate::source::Source;
+use crate::stl::read_stl_with;
+use crate::threemf::read_3mf_with;
 use crate::{AffOptions, LoadError, SceneDescription};
 
 /// Reads a file as a scene, its format detected as by [`load_mesh`](crate::load_mesh): AFF and NFF with [`read_aff`](crate::read_aff), glTF with
-/// [`read_gltf`](crate::read_gltf), OBJ with its materials by [`read_obj_scene`](crate::read_obj_scene), PLY as a mesh in one light gray material.
+/// [`read_gltf`](crate::read_gltf), OBJ with its materials by [`read_obj_scene`](crate::read_obj_scene), 3MF with
+/// [`read_3mf`](crate::read_3mf), PLY, STL and OFF as a mesh in one light gray material.
 ///
 /// # Errors
 ///
@@ -37,23 +42,43 @@ pub fn load_scene_with(
 ) -> Result<Loaded<SceneDescription>, LoadError> {
     let path = path.as_ref();
     let file = path.display().to_string();
-    let bytes = read(path, &file)?;
+    let mut source = options.open(path, &file)?;
     let mut report = Report::new(options.strictness);
-    let mut scene = match Format::of(&bytes, path) {
-        Some(Format::Aff) => read_aff_with(
-            path,
-            &mut files_with(path, bytes),
-            &options.aff,
-            &mut report,
-        )?,
-        Some(Format::Gltf | Format::Glb) => {
-            read_gltf_with(path, &mut files_with(path, bytes), &mut report)?
-        }
-        Some(Format::Obj) => read_obj_scene_with(path, &mut files_with(path, bytes), &mut report)?,
-        Some(Format::Ply) => SceneDescription::of_mesh(read_ply_with(&bytes, &file, &mut report)?),
-        None => return Err(LoadError::UnknownFormat { file }),
+    let Some(format) = Format::of(&mut source, path)? else {
+        return Err(LoadError::UnknownFormat { file: file.clone() });
     };
-    scene.warnings.extend(report.finish());
+    let mut scene = read_scene(format, source, path, options, &mut report)?;
+    scene.warnings = report.finish();
     let warnings = scene.warnings.clone();
     options.finish(scene, warnings)
+}
+
+/// Reads the file `source`, which is at `path`, as a scene; its warnings are in the report.
+pub(crate) fn read_scene(
+    format: Format,
+    mut source: Source<'_>,
+    path: &Path,
+    options: &LoadOptions,
+    report: &mut Report,
+) -> Result<SceneDescription, LoadError> {
+    let name = source.name;
+    let whole = |source: Source<'_>| Ok::<_, LoadError>(files_with(path, source.into_rest()?));
+    match format {
+        Format::Aff => read_aff_with(path, &mut whole(source)?, &options.aff, report),
+        Format::Gltf | Format::Glb => read_gltf_with(path, &mut whole(source)?, report),
+        Format::ThreeMf => read_3mf_with(source.into_rest()?, name, report),
+        Format::Obj => read_obj_scene_with(&mut source, path, &mut read_whole, report),
+        Format::Ply => Ok(SceneDescription::of_mesh(read_ply_with(
+            &mut source,
+            report,
+        )?)),
+        Format::Stl => Ok(SceneDescription::of_mesh(read_stl_with(
+            &mut source,
+            report,
+        )?)),
+        Format::Off => Ok(SceneDescription::of_mesh(read_off_with(
+            &mut source,
+            report,
+        )?)),
+    }
 }

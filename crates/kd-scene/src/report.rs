@@ -80,6 +80,8 @@ pub enum WarningCode {
     BadAnimation,
     /// The file does not say which of its content is the scene; all of it is.
     NoScene,
+    /// The statement that ends the file is missing: the file may have been longer.
+    MissingEnd,
     /// Data follows the last element.
     LeftOver,
 }

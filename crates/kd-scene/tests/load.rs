@@ -52,10 +52,11 @@ fn content_decides_then_the_extension() {
         let mesh = mesh.unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(mesh.triangles(), [[0, 1, 2]], "{name}");
     }
-    for name in ["a.stl", "none"] {
+    for name in ["a.txt", "none"] {
         let path = folder.file(name, "solid");
         let error = load_mesh(&path).expect_err(name).to_string();
-        let expected = "unknown format, expected .obj, .ply, .gltf, .glb, .aff or .nff";
+        let expected =
+            "unknown format, expected .obj, .ply, .stl, .off, .gltf, .glb, .3mf, .aff or .nff";
         assert_eq!(error, format!("{}: {expected}", path.display()), "{name}");
     }
     let missing = folder.0.join("missing.obj");

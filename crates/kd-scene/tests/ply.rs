@@ -108,6 +108,14 @@ fn other_elements_and_properties_are_skipped() {
     assert!(read(header("binary_big_endian", 0, 0)).is_empty());
 }
 
+#[test]
+fn strips_become_triangles() {
+    let text = header("ascii", 5, 1).replace("element face", "element tristrips");
+    let mesh = read(text + "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n10 0 1 2 3 3 4 -1 2 3 4\n");
+    // The repeated corner keeps the order of the strip.
+    assert_eq!(mesh.triangles(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+}
+
 /// The fault, the text, and the expected error.
 fn bad_texts() -> Vec<(&'static str, String, &'static str)> {
     let good = ascii();
@@ -189,9 +197,14 @@ fn bad_texts() -> Vec<(&'static str, String, &'static str)> {
             "x.ply: header: two elements or two properties have the same name",
         ),
         (
-            "strips",
-            with("element face", "element tristrips"),
-            "x.ply: header: triangle strips are not supported",
+            "no list of strips",
+            with("element face", "element tristrips").replace("vertex_indices", "corners"),
+            "x.ply: header: `tristrips` needs one of the lists `vertex_indices` and `vertex_index`",
+        ),
+        (
+            "no format",
+            with("format ascii 1.0\n", ""),
+            "x.ply: header: `format` is missing",
         ),
         (
             "too many vertices claimed",

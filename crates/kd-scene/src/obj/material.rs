@@ -6,10 +6,12 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::statements::{Statements, rest, words};
+use super::statements::{Statements, rest};
 use crate::Material;
 use crate::error::quoted;
 use crate::report::{Place, Report, WarningCode};
+use crate::source::Source;
+use crate::words::{Words, number};
 
 /// A material of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,16 +33,19 @@ pub(super) struct MtlMaterial {
 pub(super) fn read_mtl(bytes: &[u8], path: &Path, report: &mut Report) -> Vec<MtlMaterial> {
     let file = path.display().to_string();
     let mut materials: Vec<MtlMaterial> = Vec::new();
-    let mut statements = Statements::new(bytes);
-    let mut statement = Vec::new();
-    while let Some(line) = statements.next_into(&mut statement) {
-        let Some(keyword) = words(&statement).next() else {
+    let mut source = Source::of_bytes(bytes, &file);
+    let Ok(mut statements) = Statements::new(&mut source) else {
+        return materials;
+    };
+    // Bytes in memory can be read without errors.
+    while let Ok(Some((line, statement))) = statements.next() {
+        let Some(keyword) = Words::new(statement).next() else {
             continue;
         };
         let keyword = String::from_utf8_lossy(keyword).into_owned();
         let place = Some(Place::Line(line));
         if keyword == "newmtl" {
-            let name = rest(&statement, &keyword);
+            let name = rest(statement, &keyword);
             if name.is_empty() {
                 report.warn(
                     &file,
@@ -60,14 +65,14 @@ pub(super) fn read_mtl(bytes: &[u8], path: &Path, report: &mut Report) -> Vec<Mt
             report.warn(&file, place, WarningCode::BadMaterial, message);
             continue;
         };
-        match material.set(&keyword, &statement) {
+        match material.set(&keyword, statement) {
             Set::Done => {}
             Set::Unused => {
                 let message = format!("`{keyword}` is not used");
                 report.warn(&file, place, WarningCode::Unused, message);
             }
             Set::Bad => {
-                let message = format!("bad statement, left out: {}", quoted(&statement));
+                let message = format!("bad statement, left out: {}", quoted(statement));
                 report.warn(&file, place, WarningCode::BadMaterial, message);
             }
         }
@@ -139,11 +144,8 @@ fn assign<T>(to: &mut Option<T>, value: Option<T>) -> bool {
 
 /// The numbers of a statement; `None` if one is not finite or no number.
 fn numbers(statement: &[u8]) -> Option<Vec<f32>> {
-    let number = |word| {
-        let number = std::str::from_utf8(word).ok()?.parse::<f32>().ok()?;
-        number.is_finite().then_some(number)
-    };
-    words(statement).skip(1).map(number).collect()
+    let finite = |word| number(word).filter(|number| number.is_finite());
+    Words::new(statement).skip(1).map(finite).collect()
 }
 
 /// Red, green and blue; the first one is all three where the others are left out.
@@ -157,9 +159,8 @@ fn color(statement: &[u8]) -> Option<Vec3> {
 
 /// The last word, a number: an option may precede it, as in `d -halo 0.5`.
 fn last_number(statement: &[u8]) -> Option<f32> {
-    let word = words(statement).skip(1).last()?;
-    let number: f32 = std::str::from_utf8(word).ok()?.parse().ok()?;
-    number.is_finite().then_some(number)
+    let word = Words::new(statement).skip(1).last()?;
+    number(word).filter(|number| number.is_finite())
 }
 
 /// The path of a texture, which may have blanks, after its options.

@@ -7,11 +7,14 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::material::{MtlMaterial, read_mtl};
-use super::statements::{number, rest, words};
-use super::{Beside, Geometry};
+use super::statements::{numbers, rest};
+use super::{Beside, read_with};
 use crate::error::quoted;
+use crate::file_mesh::ReadMesh;
 use crate::files::read_file;
 use crate::report::{Place, Report, Strictness, WarningCode};
+use crate::source::Source;
+use crate::words::{Words, integer};
 use crate::{LoadError, Material, SceneDescription, Surface, Texture, TextureSource};
 
 /// Reads a Wavefront OBJ file as a static scene of one part: the geometry of [`read_obj`](crate::read_obj), normals, texture coordinates and
@@ -30,22 +33,25 @@ pub fn read_obj_scene(
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<SceneDescription, LoadError> {
     let mut report = Report::new(Strictness::Usual);
-    let mut scene = read_obj_scene_with(path, files, &mut report)?;
+    let name = path.display().to_string();
+    let bytes = read_file(path, files)?;
+    let mut source = Source::of_bytes(&bytes, &name);
+    let mut scene = read_obj_scene_with(&mut source, path, files, &mut report)?;
     scene.warnings = report.finish();
     Ok(scene)
 }
 
-/// [`read_obj_scene`], with its warnings in the report.
+/// [`read_obj_scene`] of the file `source`, which is at `path`, with its warnings in the report.
 pub(crate) fn read_obj_scene_with(
+    source: &mut Source<'_>,
     path: &Path,
     files: &mut dyn FnMut(&Path) -> io::Result<Vec<u8>>,
     report: &mut Report,
 ) -> Result<SceneDescription, LoadError> {
-    let name = path.display().to_string();
-    let bytes = read_file(path, files)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
     let mut looks = Looks {
-        file: &name,
-        folder: path.parent().unwrap_or(Path::new("")),
+        file: source.name,
+        folder,
         files,
         materials: vec![Material::default()],
         material_indices: HashMap::new(),
@@ -54,22 +60,11 @@ pub(crate) fn read_obj_scene_with(
         normals: Vec::new(),
         uvs: Vec::new(),
         current: 0,
-        faces: Vec::new(),
-        corners: Vec::new(),
+        face: Face::default(),
+        surface: Surface::default(),
     };
-    let geometry = Geometry::read(&bytes, &name, report, &mut looks)?;
-    let mut surface = Surface::default();
-    let mesh = geometry.mesh(&bytes, &name, report, |face, corners| {
-        looks.add_triangle(face, corners, &mut surface);
-    })?;
-    let triangles = mesh.len();
-    if !surface.textures.is_empty() {
-        surface.textures.resize(triangles, Surface::NO_TEXTURE);
-        surface.uvs.resize(triangles, [[0.0; 2]; 3]);
-    }
-    if !surface.normals.is_empty() {
-        surface.normals.resize(triangles, [Vec3::ZERO; 3]);
-    }
+    let ReadMesh { mesh, left_out } = read_with(source, report, &mut looks)?;
+    let surface = looks.finished_surface(mesh.len(), &left_out);
     let mut scene = SceneDescription::of_mesh(mesh);
     scene.materials = looks.materials;
     scene.textures = looks.textures;
@@ -93,8 +88,16 @@ struct Looks<'a> {
     uvs: Vec<Option<[f32; 2]>>,
     /// Index of the current material.
     current: u32,
-    /// The material of each face, and its first corner in `corners`.
-    faces: Vec<(u32, usize)>,
+    /// The face whose triangles are next.
+    face: Face,
+    /// Of the triangles so far.
+    surface: Surface,
+}
+
+/// The material of a face, and what its corners have.
+#[derive(Debug, Default)]
+struct Face {
+    material: u32,
     corners: Vec<Corner>,
 }
 
@@ -106,6 +109,8 @@ struct Corner {
 }
 
 impl Beside for Looks<'_> {
+    type Face = Face;
+
     fn statement(
         &mut self,
         keyword: &[u8],
@@ -121,7 +126,7 @@ impl Beside for Looks<'_> {
             }
             b"vt" => {
                 // `v` is optional and runs from the bottom up in OBJ.
-                let uv = match words(statement).count() {
+                let uv = match Words::new(statement).count() {
                     2 => numbers(statement).map(|[u]| [u, 1.0]),
                     _ => numbers(statement).map(|[u, v]| [u, 1.0 - v]),
                 };
@@ -136,14 +141,15 @@ impl Beside for Looks<'_> {
     }
 
     fn face(&mut self, statement: &[u8], line: usize, report: &mut Report) {
-        self.faces.push((self.current, self.corners.len()));
+        self.face.material = self.current;
+        self.face.corners.clear();
         let mut are_all_there = true;
-        for word in words(statement).skip(1) {
+        for word in Words::new(statement).skip(1) {
             let mut indices = word.split(|byte| *byte == b'/').skip(1);
             let uv = lookup(indices.next(), &self.uvs);
             let normal = lookup(indices.next(), &self.normals);
             are_all_there &= uv.is_ok() && normal.is_ok();
-            self.corners.push(Corner {
+            self.face.corners.push(Corner {
                 uv: uv.unwrap_or(None),
                 normal: normal.unwrap_or(None),
             });
@@ -155,6 +161,44 @@ impl Beside for Looks<'_> {
             report.warn(self.file, place, WarningCode::BadAttribute, what);
         }
     }
+
+    fn triangle(&mut self, number: usize, corners: [usize; 3]) {
+        let Face {
+            material,
+            corners: of_face,
+        } = &self.face;
+        let surface = &mut self.surface;
+        set(&mut surface.materials, number, *material, 0);
+        let corners = corners.map(|corner| of_face[corner]);
+        let texture = self.material_textures[*material as usize];
+        if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.uv)
+            && texture != Surface::NO_TEXTURE
+        {
+            set(&mut surface.textures, number, texture, Surface::NO_TEXTURE);
+            set(&mut surface.uvs, number, [a, b, c], [[0.0; 2]; 3]);
+        }
+        if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.normal) {
+            set(&mut surface.normals, number, [a, b, c], [Vec3::ZERO; 3]);
+        }
+    }
+
+    fn keep(&mut self) -> Face {
+        std::mem::take(&mut self.face)
+    }
+
+    fn restore(&mut self, face: Face) {
+        self.face = face;
+    }
+}
+
+/// Sets an element of an array, which grows by `default` up to it.
+fn set<T: Clone>(all: &mut Vec<T>, number: usize, value: T, default: T) {
+    if all.len() <= number {
+        all.resize(number, default);
+        all.push(value);
+    } else {
+        all[number] = value;
+    }
 }
 
 /// An index of a face that leads nowhere.
@@ -165,27 +209,16 @@ fn lookup<T: Copy>(word: Option<&[u8]>, all: &[Option<T>]) -> Result<Option<T>, 
     let Some(word) = word.filter(|word| !word.is_empty()) else {
         return Ok(None);
     };
-    let index = std::str::from_utf8(word).ok();
-    let index: i64 = index.and_then(|index| index.parse().ok()).ok_or(NotThere)?;
+    let index = integer(word).ok_or(NotThere)?;
     let count = i64::try_from(all.len()).unwrap_or(i64::MAX);
     let number = if index < 0 {
         count.saturating_add(index)
     } else {
-        index - 1
+        index.wrapping_sub(1)
     };
     let number = usize::try_from(number).ok();
     let found = number.and_then(|number| all.get(number));
     found.copied().ok_or(NotThere)
-}
-
-/// The first numbers of a statement; `None` if one is missing or not finite.
-fn numbers<const N: usize>(statement: &[u8]) -> Option<[f32; N]> {
-    let mut numbers = words(statement).skip(1).map(number);
-    let mut all = [0.0; N];
-    for one in &mut all {
-        *one = numbers.next()?.filter(|number| number.is_finite())?;
-    }
-    Some(all)
 }
 
 impl Looks<'_> {
@@ -197,24 +230,23 @@ impl Looks<'_> {
         }
     }
 
-    fn add_triangle(&self, face: usize, corners: [usize; 3], surface: &mut Surface) {
-        let (material, first) = self.faces[face];
-        let before = surface.materials.len();
-        surface.materials.push(material);
-        let corners = corners.map(|corner| self.corners[first + corner]);
-        let texture = self.material_textures[material as usize];
-        if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.uv)
-            && texture != Surface::NO_TEXTURE
-        {
-            surface.textures.resize(before, Surface::NO_TEXTURE);
-            surface.textures.push(texture);
-            surface.uvs.resize(before, [[0.0; 2]; 3]);
-            surface.uvs.push([a, b, c]);
+    /// The surface of the mesh, which lacks the triangles that were left out.
+    fn finished_surface(&mut self, triangles: usize, left_out: &[usize]) -> Surface {
+        let mut surface = std::mem::take(&mut self.surface);
+        let whole = triangles + left_out.len();
+        surface.materials.resize(whole, 0);
+        remove(&mut surface.materials, left_out);
+        if !surface.textures.is_empty() {
+            surface.textures.resize(whole, Surface::NO_TEXTURE);
+            surface.uvs.resize(whole, [[0.0; 2]; 3]);
+            remove(&mut surface.textures, left_out);
+            remove(&mut surface.uvs, left_out);
         }
-        if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.normal) {
-            surface.normals.resize(before, [Vec3::ZERO; 3]);
-            surface.normals.push([a, b, c]);
+        if !surface.normals.is_empty() {
+            surface.normals.resize(whole, [Vec3::ZERO; 3]);
+            remove(&mut surface.normals, left_out);
         }
+        surface
     }
 
     /// Makes a material current; an unknown name selects light gray.
@@ -284,6 +316,17 @@ impl Looks<'_> {
             self.textures.len() - 1
         }))
     }
+}
+
+/// Removes the elements with some numbers, which ascend.
+fn remove<T>(all: &mut Vec<T>, numbers: &[usize]) {
+    let mut numbers = numbers.iter().peekable();
+    let mut number = 0;
+    all.retain(|_| {
+        let is_gone = numbers.next_if_eq(&&number).is_some();
+        number += 1;
+        !is_gone
+    });
 }
 
 fn to_u32(number: usize) -> u32 {

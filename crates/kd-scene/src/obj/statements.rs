@@ -1,53 +1,74 @@
 //! The statements of OBJ and MTL files.
 
-/// The byte order mark that some editors write before UTF-8 text.
-const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+use crate::LoadError;
+use crate::source::Source;
+#[cfg(feature = "scenes")]
+use crate::words::Words;
 
 /// The statements of a file: lines without comments, with continued lines joined.
-pub(super) struct Statements<'a> {
-    rest: &'a [u8],
+pub(super) struct Statements<'s, 'a> {
+    source: &'s mut Source<'a>,
     /// Number of lines taken: the line number of the end of the current statement.
     lines: usize,
+    /// A statement of several lines.
+    joined: Vec<u8>,
 }
 
-impl<'a> Statements<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self {
-            rest: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes),
+impl<'s, 'a> Statements<'s, 'a> {
+    pub(super) fn new(source: &'s mut Source<'a>) -> Result<Self, LoadError> {
+        source.take_byte_order_mark()?;
+        Ok(Self {
+            source,
             lines: 0,
-        }
+            joined: Vec::new(),
+        })
     }
 
-    /// Writes the next statement to `into`, and returns the number of its first line, from 1.
-    pub(super) fn next_into(&mut self, into: &mut Vec<u8>) -> Option<usize> {
-        into.clear();
+    /// The next statement, and the number of its first line, from 1.
+    #[inline]
+    pub(super) fn next(&mut self) -> Result<Option<(usize, &[u8])>, LoadError> {
         let first = self.lines + 1;
-        while !self.rest.is_empty() {
-            self.lines += 1;
-            let end = self.rest.iter().position(|&byte| byte == b'\n');
-            let line;
-            (line, self.rest) = match end {
-                Some(end) => (&self.rest[..end], &self.rest[end + 1..]),
-                None => (self.rest, &[][..]),
-            };
-            let text = line.split(|&byte| byte == b'#').next().unwrap_or(line);
-            let text = text.trim_ascii_end();
-            let Some(broken) = text.strip_suffix(b"\\") else {
-                into.extend_from_slice(text);
-                return Some(first);
-            };
-            into.extend_from_slice(broken);
-            into.push(b' ');
+        let Some((line, _)) = self.source.line()? else {
+            return Ok(None);
+        };
+        self.lines += 1;
+        let (length, is_continued) = statement(self.source.text(line.clone()));
+        if is_continued {
+            let text = self.source.text(line)[..length].to_vec();
+            return self.join(text).map(|text| Some((first, text)));
         }
-        (self.lines >= first).then_some(first)
+        Ok(Some((first, &self.source.text(line)[..length])))
+    }
+
+    /// A statement that begins with `text` and continues on the next line.
+    #[cold]
+    fn join(&mut self, text: Vec<u8>) -> Result<&[u8], LoadError> {
+        self.joined = text;
+        let mut is_continued = true;
+        while is_continued && let Some((line, _)) = self.source.line()? {
+            self.lines += 1;
+            let line = self.source.text(line);
+            let length;
+            (length, is_continued) = statement(line);
+            self.joined.push(b' ');
+            self.joined.extend_from_slice(&line[..length]);
+        }
+        Ok(&self.joined)
     }
 }
 
-/// The words of a statement.
-pub(super) fn words(statement: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
-    statement
-        .split(u8::is_ascii_whitespace)
-        .filter(|word| !word.is_empty())
+/// How many bytes of a line are its statement, and whether it continues on the next line.
+#[inline]
+fn statement(line: &[u8]) -> (usize, bool) {
+    let text = match memchr::memchr(b'#', line) {
+        Some(comment) => &line[..comment],
+        None => line,
+    };
+    let text = text.trim_ascii_end();
+    match text.strip_suffix(b"\\") {
+        Some(broken) => (broken.len(), true),
+        None => (text.len(), false),
+    }
 }
 
 /// The text of a statement after its first word.
@@ -58,7 +79,13 @@ pub(super) fn rest(statement: &[u8], word: &str) -> String {
     String::from_utf8_lossy(text.trim_ascii()).into_owned()
 }
 
-/// A number; `None` for any other word.
-pub(super) fn number(word: &[u8]) -> Option<f32> {
-    std::str::from_utf8(word).ok()?.parse().ok()
+/// The first numbers of a statement after its first word; `None` if one is missing or not finite.
+#[cfg(feature = "scenes")]
+pub(super) fn numbers<const N: usize>(statement: &[u8]) -> Option<[f32; N]> {
+    let mut words = Words::new(statement).skip(1);
+    let mut all = [0.0; N];
+    for one in &mut all {
+        *one = crate::words::number(words.next()?).filter(|number| number.is_finite())?;
+    }
+    Some(all)
 }

@@ -1,82 +1,241 @@
-//! The header of a PLY file, in the one form that the parser of headers reads.
+//! The header of a PLY file.
 
-/// The byte order mark that some editors write before UTF-8 text.
-const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-const END: &[u8] = b"end_header";
+use crate::LoadError;
+use crate::error::quoted;
+use crate::source::{LineEnd, Source};
 
-/// A header without comments, blank lines and blanks around lines.
-pub(super) struct PlainHeader<'a> {
-    /// Lines that end in `\n`.
-    pub(super) text: Vec<u8>,
-    /// The number of each line of `text` in the file, from 1, and how the file has it.
-    originals: Vec<(usize, &'a [u8])>,
-    /// The number of lines up to `end_header`.
+/// How the data are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Text,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A type of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+/// The type of a property.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+/// The elements of a kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: usize,
+    pub(super) properties: Vec<Property>,
+}
+
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// The number of lines, up to `end_header`.
     pub(super) lines: usize,
-    /// Whether `end_header` is there.
-    pub(super) has_end: bool,
-    /// What follows the header.
-    pub(super) data: &'a [u8],
 }
 
-impl<'a> PlainHeader<'a> {
-    pub(super) fn of(bytes: &'a [u8]) -> Self {
-        let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
-        let mut plain = Self {
-            text: Vec::new(),
-            originals: Vec::new(),
-            lines: 0,
-            has_end: false,
-            data: bytes,
+/// Reads a header, and takes it from the source. Comments, blank lines and blanks around lines are skipped.
+pub(super) fn read_header(source: &mut Source<'_>) -> Result<Header, LoadError> {
+    let name = source.name;
+    source.take_byte_order_mark()?;
+    let mut encoding = None;
+    let mut elements: Vec<Element> = Vec::new();
+    let (mut lines, mut statements) = (0, 0);
+    let mut last_end = LineEnd::None;
+    while let Some((line, end)) = source.line()? {
+        lines += 1;
+        let line = source.text(line).trim_ascii();
+        let mut words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|word| !word.is_empty());
+        let Some(keyword) = words
+            .next()
+            .filter(|word| !matches!(*word, b"comment" | b"obj_info"))
+        else {
+            last_end = end;
+            continue;
         };
-        let mut ends_in_cr = false;
-        while !plain.data.is_empty() && !plain.has_end {
-            let (line, rest) = first_line(plain.data);
-            let end = plain.data.len() - line.len() - rest.len();
-            // Where lines end in `\r`, the `\n` after the last one is data.
-            let is_data = end == 2 && plain.lines > 0 && ends_in_cr;
-            ends_in_cr = end == 1 && plain.data[line.len()] == b'\r';
-            plain.data = if is_data {
-                &plain.data[line.len() + 1..]
-            } else {
-                rest
-            };
-            plain.lines += 1;
-            let line = line.trim_ascii();
-            let is_comment = [&b"comment"[..], b"obj_info"].iter().any(|word| {
-                let after = line.strip_prefix(*word);
-                after.is_some_and(|after| after.first().is_none_or(u8::is_ascii_whitespace))
-            });
-            if line.is_empty() || is_comment {
-                continue;
+        statements += 1;
+        let words: Vec<&[u8]> = words.collect();
+        let bad = || LoadError::BadLine {
+            file: name.to_owned(),
+            line: lines,
+            problem: format!("bad header line: {}", quoted(line)),
+        };
+        match (statements, keyword, words.as_slice()) {
+            (1, b"ply", []) => {}
+            (1, ..) => return Err(bad()),
+            (2, b"format", [kind, _version]) => {
+                encoding = Some(encoding_of(kind).ok_or_else(bad)?);
             }
-            plain.originals.push((plain.lines, line));
-            plain.text.extend_from_slice(line);
-            plain.text.push(b'\n');
-            plain.has_end = line == END;
-            // A file of another kind has no header; it may be long.
-            if plain.lines == 1 && line != b"ply" {
-                break;
+            (_, b"element", [name, count]) => {
+                let count = std::str::from_utf8(count)
+                    .ok()
+                    .and_then(|count| count.parse().ok());
+                elements.push(Element {
+                    name: text(name),
+                    count: count.ok_or_else(bad)?,
+                    properties: Vec::new(),
+                });
             }
+            (_, b"property", words) => {
+                let property = property_of(words).ok_or_else(bad)?;
+                elements
+                    .last_mut()
+                    .ok_or_else(bad)?
+                    .properties
+                    .push(property);
+            }
+            (_, b"end_header", []) => {
+                // Where lines end in `\r`, the `\n` after the last one is data.
+                if end == LineEnd::Both && last_end == LineEnd::CarriageReturn {
+                    source.give_back_line_feed();
+                }
+                let missing = || LoadError::BadHeader {
+                    file: name.to_owned(),
+                    problem: "`format` is missing".to_owned(),
+                };
+                let encoding = encoding.ok_or_else(missing)?;
+                refuse_duplicates(&elements, name)?;
+                return Ok(Header {
+                    encoding,
+                    elements,
+                    lines,
+                });
+            }
+            _ => return Err(bad()),
         }
-        plain
+        last_end = end;
+    }
+    Err(LoadError::BadHeader {
+        file: name.to_owned(),
+        problem: "`end_header` is missing".to_owned(),
+    })
+}
+
+fn encoding_of(word: &[u8]) -> Option<Encoding> {
+    Some(match word {
+        b"ascii" => Encoding::Text,
+        b"binary_little_endian" => Encoding::LittleEndian,
+        b"binary_big_endian" => Encoding::BigEndian,
+        _ => return None,
+    })
+}
+
+fn property_of(words: &[&[u8]]) -> Option<Property> {
+    let (kind, name) = match words {
+        [b"list", count, item, name] => {
+            let (count, item) = (Scalar::of(count)?, Scalar::of(item)?);
+            (Kind::List { count, item }, name)
+        }
+        [scalar, name] => (Kind::Scalar(Scalar::of(scalar)?), name),
+        _ => return None,
+    };
+    Some(Property {
+        name: text(name),
+        kind,
+    })
+}
+
+/// Refuses two elements, or two properties of an element, of the same name.
+fn refuse_duplicates(elements: &[Element], file: &str) -> Result<(), LoadError> {
+    let has_duplicates = |mut names: Vec<&str>| {
+        names.sort_unstable();
+        names.windows(2).any(|pair| pair[0] == pair[1])
+    };
+    let properties = |element: &Element| {
+        has_duplicates(
+            element
+                .properties
+                .iter()
+                .map(|it| it.name.as_str())
+                .collect(),
+        )
+    };
+    let names = elements.iter().map(|it| it.name.as_str()).collect();
+    if has_duplicates(names) || elements.iter().any(properties) {
+        return Err(LoadError::BadHeader {
+            file: file.to_owned(),
+            problem: "two elements or two properties have the same name".to_owned(),
+        });
+    }
+    Ok(())
+}
+
+fn text(word: &[u8]) -> String {
+    String::from_utf8_lossy(word).into_owned()
+}
+
+impl Scalar {
+    fn of(word: &[u8]) -> Option<Self> {
+        Some(match word {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return None,
+        })
     }
 
-    /// The number of a line of `text` in the file, and how the file has it.
-    pub(super) fn original(&self, line: usize) -> Option<(usize, &'a [u8])> {
-        self.originals.get(line.checked_sub(1)?).copied()
+    /// The number of bytes.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
     }
 }
 
-/// The first line of a text without its end, which is `\n`, `\r\n` or `\r`, and what follows.
-pub(super) fn first_line(text: &[u8]) -> (&[u8], &[u8]) {
-    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
-    let Some(end) = text.iter().position(is_end) else {
-        return (text, &[]);
-    };
-    let after = if text[end..].starts_with(b"\r\n") {
-        end + 2
-    } else {
-        end + 1
-    };
-    (&text[..end], &text[after..])
+impl Element {
+    /// The number of bytes of an element with empty lists.
+    pub(super) fn least_size(&self) -> usize {
+        let sizes = self.properties.iter().map(|property| match property.kind {
+            Kind::Scalar(scalar) => scalar.size(),
+            Kind::List { count, .. } => count.size(),
+        });
+        sizes.sum()
+    }
+
+    /// The number of bytes of an item of the list of corners.
+    pub(super) fn item_size(&self) -> usize {
+        let items = self
+            .properties
+            .iter()
+            .filter(|it| super::is_corner_list(&it.name));
+        let sizes = items.filter_map(|property| match property.kind {
+            Kind::Scalar(_) => None,
+            Kind::List { item, .. } => Some(item.size()),
+        });
+        sizes.sum()
+    }
 }

@@ -1,0 +1,244 @@
+//! Reader of STL, text and binary.
+
+use std::io::Read;
+
+use kd_core::Mesh;
+
+use crate::LoadError;
+use crate::error::quoted;
+use crate::file_mesh::{Corner, FacePlace, FileMesh};
+use crate::report::{Place, Report, Strictness, WarningCode};
+use crate::source::Source;
+use crate::words::{Words, number};
+
+/// Bytes of the header of a binary file.
+const HEADER: usize = 80;
+/// Bytes before the first triangle.
+const START: usize = HEADER + 4;
+/// Bytes of a triangle: a normal, three corners, an attribute.
+const TRIANGLE: usize = 50;
+
+/// Reads an STL file as a mesh: text, or binary. Errors name the file `name`.
+///
+/// Each triangle has three vertices of its own, in file order, as the file has them. Normals are not read: the order of the corners says
+/// which side is outside. A text may have several solids, and facets of more than three corners, which are triangulated.
+///
+/// # Errors
+///
+/// [`LoadError`] with the line (text) or the triangle (binary): missing data, an invalid number, a coordinate that is not finite, a facet
+/// of fewer than three corners.
+pub fn read_stl(reader: impl Read, name: &str) -> Result<Mesh, LoadError> {
+    let mut source = Source::new(reader, None, name);
+    read_stl_with(&mut source, &mut Report::new(Strictness::Usual))
+}
+
+/// [`read_stl`], with its warnings. A lenient reader leaves out damaged facets.
+pub(crate) fn read_stl_with(
+    source: &mut Source<'_>,
+    report: &mut Report,
+) -> Result<Mesh, LoadError> {
+    if is_text(source)? {
+        read_text(source, report)
+    } else {
+        read_binary(source, report)
+    }
+}
+
+/// Whether the source is a binary STL file by its length, which its number of triangles determines.
+pub(crate) fn is_binary(source: &mut Source<'_>) -> Result<bool, LoadError> {
+    let length = source.length();
+    let start = source.at_least(START)?;
+    let count = start
+        .get(HEADER..START)
+        .and_then(|count| count.first_chunk());
+    let expected =
+        count.map(|count| START as u64 + TRIANGLE as u64 * u64::from(u32::from_le_bytes(*count)));
+    Ok(expected.is_some() && expected == length)
+}
+
+/// Whether the source is an STL text: a `solid` and its first `facet`, or its end. Binary files may begin with `solid` too.
+pub(crate) fn is_text(source: &mut Source<'_>) -> Result<bool, LoadError> {
+    if is_binary(source)? {
+        return Ok(false);
+    }
+    /// The name of a solid may be long.
+    const HEAD: usize = 1 << 12;
+    let head = source.at_least(HEAD)?;
+    let head = &head[..head.len().min(HEAD)];
+    // The number of triangles of a binary file has a zero byte, up to 16 million.
+    let has_zero = memchr::memchr(0, head).is_some();
+    let head = head.trim_ascii_start();
+    if has_zero || !starts_with(head, b"solid") {
+        return Ok(false);
+    }
+    let mut words = Words::new(head).skip(1);
+    let is_statement = |word: &[u8]| is(word, b"facet") || is(word, b"endsolid");
+    Ok(words.any(is_statement))
+}
+
+fn starts_with(text: &[u8], word: &[u8]) -> bool {
+    text.get(..word.len()).is_some_and(|start| is(start, word))
+}
+
+fn is(word: &[u8], keyword: &[u8]) -> bool {
+    word.eq_ignore_ascii_case(keyword)
+}
+
+fn read_binary(source: &mut Source<'_>, report: &mut Report) -> Result<Mesh, LoadError> {
+    let name = source.name;
+    let start = source.at_least(START)?;
+    let Some(count) = start
+        .get(HEADER..START)
+        .and_then(|count| count.first_chunk())
+    else {
+        return Err(LoadError::BadHeader {
+            file: name.to_owned(),
+            problem: format!(
+                "expected {START} bytes of binary STL or `solid`, found {}",
+                start.len()
+            ),
+        });
+    };
+    let count = u32::from_le_bytes(*count) as usize;
+    source.take(START);
+    let mut mesh = FileMesh::new(name);
+    let room = count.min(source.room_for(TRIANGLE));
+    mesh.reserve(3 * room, room)?;
+    let mut colored = 0;
+    for number in 0..count {
+        let bytes = source.at_least(TRIANGLE)?;
+        let Some(bytes) = bytes.first_chunk::<TRIANGLE>() else {
+            return Err(LoadError::Truncated {
+                file: name.to_owned(),
+                element: "triangle".to_owned(),
+                index: number,
+                count,
+            });
+        };
+        let float = |at: usize| {
+            let bytes = bytes[at..].first_chunk().expect("fifty bytes");
+            f32::from_le_bytes(*bytes)
+        };
+        let corners = [12, 24, 36].map(|at| [float(at), float(at + 4), float(at + 8)]);
+        colored += usize::from(bytes[48..] != [0, 0]);
+        source.take(TRIANGLE);
+        add(
+            &mut mesh,
+            &corners,
+            FacePlace { number, line: None },
+            report,
+        )?;
+    }
+    if colored > 0 {
+        let what = format!("the attributes (colors) of {colored} triangles are not used");
+        report.warn(name, None, WarningCode::Unused, what);
+    }
+    let left = source.at_least(1)?.len();
+    if left > 0 {
+        let what = "bytes are left over after the last triangle that the header declares";
+        report.warn(name, None, WarningCode::LeftOver, what);
+    }
+    Ok(mesh.finish(report, |_, _, _| {})?.mesh)
+}
+
+/// Adds a facet with vertices of its own.
+fn add(
+    mesh: &mut FileMesh<'_>,
+    corners: &[[f32; 3]],
+    place: FacePlace,
+    report: &mut Report,
+) -> Result<(), LoadError> {
+    let first = mesh.vertices();
+    for corner in corners {
+        mesh.vertex(*corner, place.line, report)?;
+    }
+    let corner = |number: usize| {
+        Corner::from_zero(i64::try_from(number).expect("fewer than 2^63, as each takes memory"))
+    };
+    if corners.len() == 3 {
+        mesh.face(
+            &[corner(first), corner(first + 1), corner(first + 2)],
+            place,
+            report,
+        )?;
+        return Ok(());
+    }
+    let all: Vec<Corner> = (first..mesh.vertices()).map(corner).collect();
+    mesh.face(&all, place, report)?;
+    Ok(())
+}
+
+fn read_text(source: &mut Source<'_>, report: &mut Report) -> Result<Mesh, LoadError> {
+    let name = source.name;
+    let mut mesh = FileMesh::new(name);
+    let mut corners = Vec::new();
+    let (mut lines, mut facets) = (0, 0);
+    // The line of the facet that is open.
+    let mut open = None;
+    let mut has_end = false;
+    while let Some((line, _)) = source.line()? {
+        lines += 1;
+        let text = source.text(line);
+        let mut words = Words::new(text);
+        let Some(keyword) = words.next() else {
+            continue;
+        };
+        let bad = |problem: &str| LoadError::BadLine {
+            file: name.to_owned(),
+            line: lines,
+            problem: format!("{problem}: {}", quoted(text)),
+        };
+        if is(keyword, b"vertex") {
+            let mut position = [0.0; 3];
+            for coordinate in &mut position {
+                *coordinate = words
+                    .next()
+                    .and_then(number)
+                    .ok_or_else(|| bad("bad vertex"))?;
+            }
+            corners.push(position);
+        } else if is(keyword, b"facet") {
+            corners.clear();
+            open = Some(lines);
+        } else if is(keyword, b"endfacet") {
+            let line = open.take().ok_or_else(|| bad("no facet is open"))?;
+            let place = FacePlace {
+                number: facets,
+                line: Some(line),
+            };
+            add(&mut mesh, &corners, place, report)?;
+            facets += 1;
+        } else if is(keyword, b"solid") || is(keyword, b"endsolid") {
+            has_end = is(keyword, b"endsolid");
+        } else if !["outer", "endloop", "color"]
+            .iter()
+            .any(|known| is(keyword, known.as_bytes()))
+        {
+            let error = bad("not a statement of STL");
+            let what = "a line is no statement of STL; it is left out";
+            report.leave_out(
+                error,
+                Some(Place::Line(lines)),
+                WarningCode::BadElement,
+                what,
+            )?;
+        }
+    }
+    if let Some(line) = open {
+        return Err(LoadError::BadLine {
+            file: name.to_owned(),
+            line,
+            problem: "the file ends in this facet".to_owned(),
+        });
+    }
+    if !has_end {
+        let what = "the file ends without `endsolid`";
+        report.warn(
+            name,
+            Some(Place::Line(lines)),
+            WarningCode::MissingEnd,
+            what,
+        );
+    }
+    Ok(mesh.finish(report, |_, _, _| {})?.mesh)
+}
