@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 
 use crate::builds::BuildsArgs;
 use crate::calibrate::CalibrateArgs;
+use crate::files::FilesArgs;
 use crate::first_ray::FirstRayArgs;
 use crate::instructions::InstructionsArgs;
 use crate::merges::MergesArgs;
@@ -31,6 +32,8 @@ pub(crate) enum Command {
     ///
     /// With --scenes and no --scene: the six meshes of the goals.
     Builds(BuildsArgs),
+    /// Print how long files of each format take to read, over their bytes and over `tobj`, and the memory that it takes, with goals
+    Files(FilesArgs),
     /// Print the time until the first ray by our presets and the rays that follow, over Embree; on hostile meshes and many parts too
     ///
     /// With --scenes and no --scene: every mesh of the folder.

@@ -4,7 +4,7 @@
 //! Every command measures cells ([`record`]) of a scene ([`session`]) and prints views of them ([`view`], [`summary`]). Modules
 //! import from those below: commands, then session, workload and structures, then record, names and helpers.
 //!
-//! Started by `cargo xtask bench | builds | first-ray | rays | merges | structures | paper | instructions | report | calibrate | compare |
+//! Started by `cargo xtask bench | builds | files | first-ray | rays | merges | structures | paper | instructions | report | calibrate | compare |
 //! results`.
 #![allow(
     clippy::print_stdout,
@@ -20,6 +20,7 @@ mod check;
 mod cli;
 mod compare;
 mod environment;
+mod files;
 mod first_ray;
 mod instructions;
 mod measure;
@@ -62,6 +63,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Builds(arguments) => builds::run(&arguments),
+        Command::Files(arguments) => files::run(&arguments),
         Command::FirstRay(arguments) => first_ray::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
         Command::Merges(arguments) => merges::run(&arguments),

@@ -38,6 +38,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("builds", arguments),
     },
     Command {
+        name: "files",
+        arguments: "[OPTIONS]",
+        help: "measure how long files of each format take to read (`files --help` lists the options)",
+        run: |arguments| bench::run("files", arguments),
+    },
+    Command {
         name: "first-ray",
         arguments: "[OPTIONS]",
         help: "measure the time until the first ray, hostile meshes and many parts, over Embree (`first-ray --help`)",

@@ -115,7 +115,7 @@ mod tests {
             |mesh: &Mesh| -> Vec<_> { (0..).take(mesh.len()).map(|i| mesh.corners(i)).collect() };
         let mut bytes = Vec::new();
         write_ply(&mesh, &mut bytes).expect("a written file");
-        let ply = read_ply(&bytes, "ply").expect("valid");
+        let ply = read_ply(bytes.as_slice(), "ply").expect("valid");
         assert_eq!(corners(&ply), corners(&mesh));
         bytes.clear();
         write_obj(&mesh, &mut bytes).expect("a written file");

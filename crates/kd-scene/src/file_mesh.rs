@@ -118,7 +118,7 @@ impl<'a> FileMesh<'a> {
         report: &mut Report,
     ) -> Result<(), LoadError> {
         if position.iter().all(|coordinate| coordinate.is_finite()) {
-            self.positions.push(position);
+            push(&mut self.positions, position);
             return Ok(());
         }
         self.vertex_not_finite(line, report)
@@ -166,7 +166,7 @@ impl<'a> FileMesh<'a> {
         {
             self.last.clear();
             self.last.push([0, 1, 2]);
-            self.triangles.push([a, b, c]);
+            push(&mut self.triangles, [a, b, c]);
             return Ok(true);
         }
         self.any_face(corners, place, report)
@@ -198,9 +198,10 @@ impl<'a> FileMesh<'a> {
         let first = self.triangles.len();
         let are_there = self.take_corners(corners);
         if are_there && self.triangulate(place, report) {
-            let corner = |i: usize| self.corners[i];
-            self.triangles
-                .extend(self.last.iter().map(|corners| corners.map(corner)));
+            for corners in &self.last {
+                let corners = corners.map(|corner| self.corners[corner]);
+                push(&mut self.triangles, corners);
+            }
         } else if !are_there {
             self.triangles.resize(first + corners.len() - 2, LEFT_OUT);
             self.waiting.push(WaitingFace {
@@ -285,12 +286,23 @@ impl<'a> FileMesh<'a> {
             left_out.extend(gone.map(|(number, _)| number));
             self.triangles.retain(|corners| *corners != LEFT_OUT);
         }
+        self.positions.shrink_to_fit();
+        self.triangles.shrink_to_fit();
         let mesh = Mesh::new(self.positions, self.triangles).map_err(|source| LoadError::Mesh {
             file: self.file.to_owned(),
             source,
         })?;
         Ok(ReadMesh { mesh, left_out })
     }
+}
+
+/// Adds an element. Memory grows by half, so that less than twice of what is kept is ever taken.
+#[inline]
+fn push<T>(all: &mut Vec<T>, element: T) {
+    if all.len() == all.capacity() {
+        all.reserve_exact(all.len() / 2 + 64);
+    }
+    all.push(element);
 }
 
 impl FacePlace {

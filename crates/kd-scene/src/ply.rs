@@ -7,6 +7,8 @@ mod binary;
 mod header;
 mod text;
 
+use std::io::Read;
+
 use kd_core::Mesh;
 
 use crate::LoadError;
@@ -23,15 +25,15 @@ use text::TextRows;
 /// `face`, of any integer type, with indices from 0, and the same list of `tristrips`, where -1 ends a strip. It skips other properties
 /// and elements. Vertices keep their order. Convex polygons become fans of triangles, concave ones are triangulated by ear clipping, in
 /// file order. Without faces and strips, the mesh has no triangles. The values of an element may be on several lines, but no line has
-/// those of two.
+/// those of two. The file is read piece by piece.
 ///
 /// # Errors
 ///
 /// [`LoadError`] with the line (header, text) or the element (binary): an invalid header, a name that is declared twice,
 /// missing data, more values than an element has, an invalid number, a coordinate that is not finite in `f32`, a face of fewer than
 /// three corners, an index out of range.
-pub fn read_ply(bytes: &[u8], name: &str) -> Result<Mesh, LoadError> {
-    let mut source = Source::of_bytes(bytes, name);
+pub fn read_ply(reader: impl Read, name: &str) -> Result<Mesh, LoadError> {
+    let mut source = Source::new(reader, None, name);
     read_ply_with(&mut source, &mut Report::new(Strictness::Usual))
 }
 

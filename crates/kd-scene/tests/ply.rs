@@ -435,7 +435,7 @@ fn invalid_binary_files_are_errors_with_their_element() {
         ),
     ];
     for (what, bytes, expected) in rows {
-        let read = read_ply(&bytes, "x.ply");
+        let read = read_ply(bytes.as_slice(), "x.ply");
         let error = read.err().unwrap_or_else(|| panic!("{what}: was read"));
         assert_eq!(error.to_string(), expected, "{what}");
     }
@@ -443,7 +443,7 @@ fn invalid_binary_files_are_errors_with_their_element() {
         property list char int vertex_indices\nend_header\n\u{1}";
     let mut signed_count = signed_count.as_bytes().to_vec();
     *signed_count.last_mut().expect("a count") = 0x80;
-    let error = read_ply(&signed_count, "x.ply").expect_err("-128 corners");
+    let error = read_ply(signed_count.as_slice(), "x.ply").expect_err("-128 corners");
     assert!(
         matches!(error, LoadError::BadElement { index: 0, .. }),
         "{error}"
@@ -457,7 +457,9 @@ fn declared_counts_allocate_nothing() {
         property list uint int vertex_indices\nend_header\n"
         .to_vec();
     list.extend([0xff; 64]);
-    let error = read_ply(&list, "x.ply").expect_err("too short").to_string();
+    let error = read_ply(list.as_slice(), "x.ply")
+        .expect_err("too short")
+        .to_string();
     assert_eq!(error, "x.ply: ends at face 0 of 1");
     let empty =
         b"ply\nformat binary_little_endian 1.0\nelement void 18446744073709551615\nend_header\n";
@@ -488,7 +490,7 @@ proptest! {
     ) {
         let format = ["ascii", "binary_little_endian", "binary_big_endian"][format];
         let bytes = [header(format, vertices, faces).into_bytes(), data].concat();
-        if let Ok(mesh) = read_ply(&bytes, "any.ply") {
+        if let Ok(mesh) = read_ply(bytes.as_slice(), "any.ply") {
             prop_assert_eq!(mesh.positions().len() as u64, vertices);
         }
     }
@@ -508,7 +510,7 @@ proptest! {
         let mut bytes = binary(big, &corners(), &faces());
         let place = place % bytes.len();
         bytes[place] = byte;
-        if let Ok(mesh) = read_ply(&bytes, "any.ply") {
+        if let Ok(mesh) = read_ply(bytes.as_slice(), "any.ply") {
             prop_assert!(mesh.positions().iter().flatten().all(|number| number.is_finite()));
         }
     }

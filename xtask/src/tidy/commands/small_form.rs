@@ -262,9 +262,10 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 12] = [
+const XTASK: [Options; 13] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
+    options("files", [true, true, false], None),
     options("first-ray", [true, true, true], Some(Tool::Embree)),
     options("rays", [true, true, true], Some(Tool::Embree)),
     options("merges", [true, true, false], None),
