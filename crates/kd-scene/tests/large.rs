@@ -57,7 +57,7 @@ fn position(vertex: usize) -> [f32; 3] {
 
 fn corners(triangle: usize) -> [usize; 3] {
     let first = triangle & !1;
-    if triangle % 2 == 0 {
+    if triangle.is_multiple_of(2) {
         [first, first + 1, first + 2]
     } else {
         [first + 2, first + 1, first + 3]
