@@ -1,4 +1,4 @@
-//! The command-line program `kd`: renders scenes, prints statistics of their trees, converts formats.
+//! The command-line program `kd`: renders scenes, traces rays of files, prints statistics of trees, converts formats.
 #![allow(
     clippy::print_stderr,
     reason = "a command-line program reports on stderr"
@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod animation;
+mod cast;
 mod compare;
 mod convert;
 mod print;
@@ -17,9 +18,15 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Render scenes, print statistics of their trees, and convert formats.
+/// The formats of each command.
+const FORMATS: &str = "\
+Scenes: OBJ with MTL, PLY, STL, OFF, glTF 2.0 (.gltf, .glb), 3MF, AFF and NFF, by their content, then their extension; and generated ones.
+Rays: CSV, NPY, a camera, a LiDAR. Hits: CSV, NPY, LAS.
+Pictures: PNG, JPEG, PPM, animated GIF. Meshes and trees: PLY, OBJ, .kd.";
+
+/// Render scenes, trace rays, print statistics of trees, and convert formats.
 #[derive(Parser, Debug)]
-#[command(name = "kd", version, about)]
+#[command(name = "kd", version, about, after_help = FORMATS)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -31,6 +38,8 @@ enum Command {
     Render(render::RenderArgs),
     /// Print the contents of a scene and the statistics of its tree
     Stats(stats::StatsArgs),
+    /// Trace rays from a file, a camera or a LiDAR, and write their hits
+    Cast(Box<cast::CastArgs>),
     /// Write a scene at one time as a mesh, or as a tree file
     Convert(convert::ConvertArgs),
     /// Compare the trees of several builders and the time of a picture with each
@@ -41,6 +50,7 @@ fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
+        Command::Cast(arguments) => cast::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
     };

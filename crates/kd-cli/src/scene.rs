@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
 use kd::BuildOptions;
 use kd_scene::{
     AffOptions, LoadOptions, SceneDescription, Spd, Strictness, load_scene_with, toy_room,
@@ -13,7 +14,7 @@ use kd_scene::{
 /// Selects a scene and a frame of its animation.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// A file (.aff, .nff, .gltf, .glb, .obj, .ply), `room:N`, or a generated scene and its size, such as `gears:4`
+    /// A file (.obj, .ply, .stl, .off, .gltf, .glb, .3mf, .aff, .nff), `room:N`, or a generated scene and its size, such as `gears:4`
     #[arg(value_name = "SCENE")]
     pub(crate) scene: String,
 
@@ -51,8 +52,20 @@ impl SceneArgs {
             (_, true) => Strictness::Lenient,
             _ => Strictness::Usual,
         };
-        let options = LoadOptions::new().with_strictness(strictness).with_aff(aff);
-        Ok(load_scene_with(&self.scene, &options)?.value)
+        let bar = ProgressBar::no_length();
+        let style = ProgressStyle::with_template("reading {bar:40} {bytes} of {total_bytes}");
+        bar.set_style(style.expect("the template is well-formed"));
+        let of_reader = bar.clone();
+        let options = LoadOptions::new()
+            .with_strictness(strictness)
+            .with_aff(aff)
+            .with_progress(move |read, length| {
+                of_reader.set_length(length);
+                of_reader.set_position(read);
+            });
+        let loaded = load_scene_with(&self.scene, &options);
+        bar.finish_and_clear();
+        Ok(loaded?.value)
     }
 
     /// The time of the frame, in seconds.

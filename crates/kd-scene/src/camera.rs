@@ -141,12 +141,12 @@ fn half_slope(fov_degrees: f32) -> f64 {
     libm::tan(f64::from(fov_degrees).to_radians() * 0.5)
 }
 
-fn up_or_y(up: Vec3) -> DVec3 {
+pub(crate) fn up_or_y(up: Vec3) -> DVec3 {
     up.as_dvec3().try_normalize().unwrap_or(DVec3::Y)
 }
 
 /// A unit vector perpendicular to the unit vector `to`.
-fn any_perpendicular(to: DVec3) -> DVec3 {
+pub(crate) fn any_perpendicular(to: DVec3) -> DVec3 {
     let size = to.abs();
     let least = match size.min_element() {
         least if size.x == least => DVec3::X,

@@ -2,7 +2,8 @@
 //!
 //! [`load_mesh`] reads the triangles of a file; its errors name the line or element, and no content causes a panic. [`Spd`]
 //! generates Eric Haines' Standard Procedural Databases, the scenes that ray tracers have been compared on since 1987, the same
-//! bit for bit on every platform. [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays.
+//! bit for bit on every platform. [`Camera`] looks at a scene, or at anything with a box, and gives directions for rays; [`Lidar`] gives
+//! the rays of a spinning scanner.
 //!
 //! With the feature `scenes`, on by default, `load_mesh` also reads AFF, NFF, 3MF and glTF 2.0, and `load_scene` reads all of a scene: a
 //! `SceneDescription` has parts with their materials, lights, a camera, and their motion. `toy_room` generates one.
@@ -42,6 +43,7 @@ mod gltf;
 mod hostile;
 #[cfg(feature = "scenes")]
 mod keys;
+mod lidar;
 mod load;
 #[cfg(feature = "scenes")]
 mod load_scene;
@@ -77,6 +79,7 @@ pub use gltf::read_gltf;
 pub use hostile::Hostile;
 #[cfg(feature = "scenes")]
 pub use keys::Keys;
+pub use lidar::Lidar;
 pub use load::{LoadOptions, load_mesh, load_mesh_with};
 #[cfg(feature = "scenes")]
 pub use load_scene::{load_scene, load_scene_with};

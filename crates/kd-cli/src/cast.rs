@@ -1,0 +1,290 @@
+//! The command `kd cast`: rays in, hits out.
+
+mod generated;
+mod read;
+mod write;
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use kd::glam::Vec3;
+use kd::{Hit, KdTree, Ray};
+
+use crate::print::print_line;
+use crate::scene::{Builder, SceneArgs, Size};
+use generated::{CameraRays, LidarRays};
+use write::{Format, Output};
+
+/// Arguments of `kd cast`.
+#[derive(Args, Debug)]
+pub(crate) struct CastArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+
+    /// A file of rays (.csv, .npy), `camera`, or `lidar`
+    ///
+    /// A file has a ray in each row: origin, direction, and optionally the least and the greatest distance of hits, in multiples of the
+    /// direction. A CSV file may name its columns: `ox`, `oy`, `oz`, `dx`, `dy`, `dz`, `t_min`, `t_max`. An NPY file has an array of
+    /// shape (N, 6) or (N, 8).
+    #[arg(value_name = "RAYS")]
+    rays: String,
+
+    /// Output file: .csv, .npy, or .las for the points that are hit
+    #[arg(short, long, value_name = "FILE", default_value = "hits.csv")]
+    output: PathBuf,
+
+    /// Whether anything is hit, in place of the closest hit
+    #[arg(long)]
+    any: bool,
+
+    /// Builder of the tree
+    #[arg(long, value_enum, default_value_t = Builder::Best)]
+    builder: Builder,
+
+    /// Size of the image of `camera`, a ray for each pixel [default: the resolution in the scene, or 800x600]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+
+    /// Position of `lidar` [default: the middle of the scene]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    at: Option<Point>,
+
+    /// Axis about which `lidar` turns
+    #[arg(long, value_enum, default_value_t = Axis::Z)]
+    up: Axis,
+
+    /// Number of beams of `lidar`
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    channels: u32,
+
+    /// Elevations of the lowest and the highest beam of `lidar`, in degrees
+    #[arg(
+        long,
+        value_name = "LOW,HIGH",
+        default_value = "-24.8,2",
+        allow_hyphen_values = true
+    )]
+    elevation: Span,
+
+    /// Steps in a turn of `lidar`
+    #[arg(long, value_name = "N", default_value_t = 1800, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    steps: u32,
+
+    /// Distances between which `lidar` detects surfaces, in scene units
+    #[arg(long, value_name = "NEAR,FAR", default_value = "0,inf")]
+    range: Span,
+}
+
+/// An axis of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+impl Axis {
+    fn vector(self) -> Vec3 {
+        match self {
+            Self::X => Vec3::X,
+            Self::Y => Vec3::Y,
+            Self::Z => Vec3::Z,
+        }
+    }
+}
+
+/// Three coordinates, as `1,2.5,-3`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point(Vec3);
+
+impl FromStr for Point {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> anyhow::Result<Self> {
+        let point = Vec3::from(numbers(text)?);
+        if !point.is_finite() {
+            bail!("`{text}`: the coordinates must be finite");
+        }
+        Ok(Self(point))
+    }
+}
+
+/// Two numbers, of which the second is not less, as `-24.8,2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Span([f32; 2]);
+
+impl FromStr for Span {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> anyhow::Result<Self> {
+        let [low, high] = numbers(text)?;
+        if low.is_nan() || high.is_nan() || low > high || low.is_infinite() {
+            bail!("`{text}`: the second number must not be less than the first");
+        }
+        Ok(Self([low, high]))
+    }
+}
+
+fn numbers<const N: usize>(text: &str) -> anyhow::Result<[f32; N]> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|word| word.trim().parse()).collect();
+    let numbers = numbers.with_context(|| format!("`{text}`: expected {N} numbers"))?;
+    let numbers = <[f32; N]>::try_from(numbers);
+    numbers.map_err(|_| anyhow::anyhow!("`{text}`: expected {N} numbers, separated by commas"))
+}
+
+/// A source of rays.
+trait RaySource {
+    /// The number of rays, if it is known.
+    fn len(&self) -> Option<u64>;
+
+    /// Appends the next rays, at most `most`; none at the end.
+    fn read(&mut self, most: usize, to: &mut Vec<Ray>) -> anyhow::Result<()>;
+}
+
+/// Rays that are traced at once.
+const BATCH: usize = 1 << 16;
+
+pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
+    let format = Format::of(&arguments.output, arguments.any)?;
+    // A wrong file of rays fails before the tree is built.
+    let of_file = match arguments.rays.as_str() {
+        "camera" | "lidar" => None,
+        path => Some(read::open(Path::new(path))?),
+    };
+    let scene = arguments.scene.load()?;
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let time = arguments.scene.time(&scene)?;
+    let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
+    let mut source: Box<dyn RaySource> = match of_file {
+        Some(source) => source,
+        None if arguments.rays == "camera" => Box::new(CameraRays::new(
+            &scene,
+            time,
+            tree.mesh().bounds(),
+            arguments.size,
+        )),
+        None => Box::new(LidarRays::new(arguments.lidar(&tree))),
+    };
+    let mut output = Output::create(&arguments.output, format, arguments.any, tree.mesh())?;
+    let progress = progress(source.len());
+    let start = Instant::now();
+    let mut seconds = 0.0;
+    let (mut count, mut found) = (0_u64, 0_u64);
+    let mut rays = Vec::with_capacity(BATCH);
+    loop {
+        rays.clear();
+        source.read(BATCH, &mut rays)?;
+        if rays.is_empty() {
+            break;
+        }
+        let tracing = Instant::now();
+        let answers = trace(&tree, &rays, arguments.any);
+        seconds += tracing.elapsed().as_secs_f64();
+        found += answers.hits() as u64;
+        output.write(count, &rays, &answers, tree.mesh())?;
+        count += rays.len() as u64;
+        let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9) * 1e-6;
+        progress.set_message(format!("{speed:.2} Mray/s"));
+        progress.inc(rays.len() as u64);
+    }
+    output.finish()?;
+    progress.finish_and_clear();
+    print_line(format_args!(
+        "{}: {count} rays, {found} of which hit one of {} triangles",
+        arguments.output.display(),
+        tree.mesh().len()
+    ))?;
+    if count > 0 {
+        print_line(format_args!(
+            "{:.2} million rays per second, {:.2} with files",
+            count as f64 / seconds.max(1e-9) * 1e-6,
+            count as f64 / start.elapsed().as_secs_f64().max(1e-9) * 1e-6
+        ))?;
+    }
+    Ok(())
+}
+
+/// The answers to a batch of rays.
+enum Answers {
+    Closest(Vec<Option<Hit>>),
+    Any(Vec<bool>),
+}
+
+impl Answers {
+    fn hits(&self) -> usize {
+        match self {
+            Self::Closest(hits) => hits.iter().filter(|hit| hit.is_some()).count(),
+            Self::Any(occluded) => occluded.iter().filter(|occluded| **occluded).count(),
+        }
+    }
+}
+
+fn trace(tree: &KdTree, rays: &[Ray], any: bool) -> Answers {
+    if any {
+        let mut occluded = vec![false; rays.len()];
+        tree.occluded_batch(rays, &mut occluded);
+        return Answers::Any(occluded);
+    }
+    let mut hits = vec![None; rays.len()];
+    tree.intersect_batch(rays, &mut hits);
+    Answers::Closest(hits)
+}
+
+fn progress(rays: Option<u64>) -> ProgressBar {
+    let (bar, template) = match rays {
+        Some(rays) => (ProgressBar::new(rays), "{bar:40} {percent} % {msg} {eta}"),
+        None => (ProgressBar::no_length(), "{spinner} {pos} rays {msg}"),
+    };
+    let style = ProgressStyle::with_template(template);
+    bar.set_style(style.expect("the template is well-formed"));
+    bar
+}
+
+impl CastArgs {
+    fn lidar(&self, tree: &KdTree) -> kd_scene::Lidar {
+        let middle = tree.mesh().bounds().center();
+        let middle = if middle.is_finite() {
+            middle
+        } else {
+            Vec3::ZERO
+        };
+        let forward = if self.up == Axis::X { Vec3::Y } else { Vec3::X };
+        kd_scene::Lidar {
+            forward,
+            elevation_degrees: self.elevation.0,
+            channels: self.channels,
+            steps: self.steps,
+            range: self.range.0,
+            ..kd_scene::Lidar::new(self.at.map_or(middle, |at| at.0), self.up.vector())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_and_spans_parse() {
+        assert_eq!(
+            "1, -2,3e1".parse::<Point>().expect("valid"),
+            Point(Vec3::new(1.0, -2.0, 30.0))
+        );
+        assert_eq!(
+            "-3,inf".parse::<Span>().expect("valid"),
+            Span([-3.0, f32::INFINITY])
+        );
+        for bad in ["1,2", "1,2,x", "1,2,3,4", "nan,0,0", ""] {
+            assert!(bad.parse::<Point>().is_err(), "{bad}");
+        }
+        for bad in ["2,1", "nan,1", "-inf,0", "1"] {
+            assert!(bad.parse::<Span>().is_err(), "{bad}");
+        }
+    }
+}
