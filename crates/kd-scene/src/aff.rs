@@ -201,6 +201,9 @@ impl Reader<'_> {
                 b"x" => self.animated_block(tokens, enclosing)?,
                 b"k" => self.key_set(tokens)?,
                 b"a" => self.span(tokens)?,
+                b"nff" => {
+                    return Err(tokens.error("the NFF format of Sense8 is not supported"));
+                }
                 _ if self.options.lenient || self.report.is_lenient() => {
                     let what = format!("skipped unknown command {}", quoted(command));
                     self.warn(tokens, WarningCode::Unused, what);

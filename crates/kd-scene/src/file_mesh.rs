@@ -1,8 +1,12 @@
 //! The vertices and faces of a file while they are read, the same for all formats of polygons.
 
+#[cfg(feature = "scenes")]
+use glam::Vec3;
 use kd_core::Mesh;
 
 use crate::LoadError;
+#[cfg(feature = "scenes")]
+use crate::SceneDescription;
 use crate::memory::check_room;
 use crate::polygon::triangles_of_face;
 use crate::report::{Place, Report, WarningCode};
@@ -21,6 +25,15 @@ pub(crate) struct FileMesh<'a> {
     last: Vec<[usize; 3]>,
     /// The corners of the face that was added last.
     corners: Vec<u32>,
+    /// What vertices have beside their positions; `None` if that is not wanted.
+    looks: Option<VertexLooks>,
+}
+
+/// What vertices have beside their positions. An array ends with the last vertex that has one.
+#[derive(Debug, Default)]
+pub(crate) struct VertexLooks {
+    pub(crate) colors: Vec<[f32; 3]>,
+    pub(crate) normals: Vec<[f32; 3]>,
 }
 
 /// A face in a file.
@@ -63,10 +76,15 @@ struct WaitingFace {
 const LEFT_OUT: [u32; 3] = [u32::MAX; 3];
 
 /// A mesh that was read.
+#[cfg_attr(
+    not(feature = "scenes"),
+    expect(dead_code, reason = "a mesh alone needs no looks")
+)]
 pub(crate) struct ReadMesh {
     pub(crate) mesh: Mesh,
     /// The numbers that triangles had which are left out, in ascending order.
     pub(crate) left_out: Vec<usize>,
+    pub(crate) looks: VertexLooks,
 }
 
 impl<'a> FileMesh<'a> {
@@ -79,6 +97,42 @@ impl<'a> FileMesh<'a> {
             waiting: Vec::new(),
             last: Vec::new(),
             corners: Vec::new(),
+            looks: None,
+        }
+    }
+
+    /// A mesh that also takes colors and normals of vertices.
+    #[cfg(feature = "scenes")]
+    pub(crate) fn with_looks(file: &'a str) -> Self {
+        Self {
+            looks: Some(VertexLooks::default()),
+            ..Self::new(file)
+        }
+    }
+
+    /// Whether colors and normals of vertices are taken.
+    pub(crate) fn has_looks(&self) -> bool {
+        self.looks.is_some()
+    }
+
+    /// Sets the color of the vertex that was added last, each channel from 0 to 1.
+    pub(crate) fn set_color(&mut self, color: [f32; 3]) {
+        if let Some(looks) = &mut self.looks {
+            looks.colors.resize(self.positions.len() - 1, [1.0; 3]);
+            looks
+                .colors
+                .push(color.map(|channel| channel.clamp(0.0, 1.0)));
+        }
+    }
+
+    /// Sets the normal of the vertex that was added last.
+    pub(crate) fn set_normal(&mut self, normal: [f32; 3]) {
+        if let Some(looks) = &mut self.looks {
+            let is_finite = normal.iter().all(|coordinate| coordinate.is_finite());
+            looks.normals.resize(self.positions.len() - 1, [0.0; 3]);
+            looks
+                .normals
+                .push(if is_finite { normal } else { [0.0; 3] });
         }
     }
 
@@ -292,7 +346,35 @@ impl<'a> FileMesh<'a> {
             file: self.file.to_owned(),
             source,
         })?;
-        Ok(ReadMesh { mesh, left_out })
+        Ok(ReadMesh {
+            mesh,
+            left_out,
+            looks: self.looks.unwrap_or_default(),
+        })
+    }
+}
+
+#[cfg(feature = "scenes")]
+impl ReadMesh {
+    /// A scene of the mesh, with the colors and the normals of its vertices.
+    pub(crate) fn into_scene(self) -> SceneDescription {
+        let Self { mesh, looks, .. } = self;
+        let VertexLooks { colors, normals } = looks;
+        let of_triangles = |all: &[[f32; 3]], default: f32| -> Vec<[Vec3; 3]> {
+            if all.is_empty() {
+                return Vec::new();
+            }
+            let of_corner = |corner: u32| all.get(corner as usize).copied().unwrap_or([default; 3]);
+            let triangles = mesh.triangles().iter();
+            triangles
+                .map(|corners| corners.map(|corner| of_corner(corner).into()))
+                .collect()
+        };
+        let (colors, normals) = (of_triangles(&colors, 1.0), of_triangles(&normals, 0.0));
+        let mut scene = SceneDescription::of_mesh(mesh);
+        let surface = &mut scene.parts[0].surface;
+        (surface.colors, surface.normals) = (colors, normals);
+        scene
     }
 }
 

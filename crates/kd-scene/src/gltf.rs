@@ -100,24 +100,23 @@ pub(crate) fn read_gltf_with(
 
 /// Refuses files of other versions than 2, and other JSON files.
 fn check_version(document: &Document) -> Result<(), String> {
-    let asset: json::Asset = match document.at("/asset") {
-        Some(asset) => document
-            .read(asset, "/asset")
-            .map_err(|error| error.to_string())?,
-        None => json::Asset::default(),
-    };
-    let needed = asset.min_version.or(asset.version);
+    const NOT_SUPPORTED: &str = "which is not supported; expected 2.0";
+    let asset = document
+        .at("/asset")
+        .map(|asset| document.read(asset, "/asset"));
+    let asset: json::Asset = asset.and_then(Result::ok).unwrap_or_default();
+    let needed = [asset.min_version, asset.version];
+    let needed = needed
+        .iter()
+        .map(|version| version.trim())
+        .find(|version| !version.is_empty());
     // The meshes of glTF 1 have names.
     let is_first = document.at("/meshes").is_some_and(Value::is_object);
-    match needed.as_deref().map(str::trim) {
+    match needed {
         Some("2" | "2.0") => Ok(()),
-        None if is_first => {
-            Err("the file is glTF 1, which is not supported; expected 2.0".to_owned())
-        }
+        None if is_first => Err(format!("the file is glTF 1, {NOT_SUPPORTED}")),
         None => Err("`asset.version` is missing; expected 2.0".to_owned()),
-        Some(version) => Err(format!(
-            "the file is glTF {version}, which is not supported; expected 2.0"
-        )),
+        Some(version) => Err(format!("the file is glTF {version}, {NOT_SUPPORTED}")),
     }
 }
 

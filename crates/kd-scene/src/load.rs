@@ -7,6 +7,7 @@ use std::sync::Arc;
 use kd_core::Mesh;
 
 use crate::LoadError;
+use crate::file_mesh::FileMesh;
 use crate::format::Format;
 use crate::obj::read_obj_with;
 use crate::off::read_off_with;
@@ -139,7 +140,7 @@ pub fn load_mesh_with(
     let mut report = Report::new(options.strictness);
     let mesh = match Format::of(&mut source, path)? {
         Some(Format::Obj) => read_obj_with(&mut source, &mut report)?,
-        Some(Format::Ply) => read_ply_with(&mut source, &mut report)?,
+        Some(Format::Ply) => read_ply_with(&mut source, FileMesh::new(&file), &mut report)?.mesh,
         Some(Format::Stl) => read_stl_with(&mut source, &mut report)?,
         Some(Format::Off) => read_off_with(&mut source, &mut report)?,
         #[cfg(feature = "scenes")]

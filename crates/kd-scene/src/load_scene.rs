@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::aff::read_aff_with;
+use crate::file_mesh::FileMesh;
 use crate::files::{files_with, read_whole};
 use crate::format::Format;
 use crate::gltf::read_gltf_with;
@@ -18,7 +19,7 @@ use crate::{AffOptions, LoadError, SceneDescription};
 
 /// Reads a file as a scene, its format detected as by [`load_mesh`](crate::load_mesh): AFF and NFF with [`read_aff`](crate::read_aff), glTF with
 /// [`read_gltf`](crate::read_gltf), OBJ with its materials by [`read_obj_scene`](crate::read_obj_scene), 3MF with
-/// [`read_3mf`](crate::read_3mf), PLY, STL and OFF as a mesh in one light gray material.
+/// [`read_3mf`](crate::read_3mf), PLY, STL and OFF as a mesh in one light gray material, with the normals and colors of PLY.
 ///
 /// # Errors
 ///
@@ -68,10 +69,10 @@ pub(crate) fn read_scene(
         Format::Gltf | Format::Glb => read_gltf_with(path, &mut whole(source)?, report),
         Format::ThreeMf => read_3mf_with(source.into_rest()?, name, report),
         Format::Obj => read_obj_scene_with(&mut source, path, &mut read_whole, report),
-        Format::Ply => Ok(SceneDescription::of_mesh(read_ply_with(
-            &mut source,
-            report,
-        )?)),
+        Format::Ply => {
+            let mesh = FileMesh::with_looks(name);
+            Ok(read_ply_with(&mut source, mesh, report)?.into_scene())
+        }
         Format::Stl => Ok(SceneDescription::of_mesh(read_stl_with(
             &mut source,
             report,

@@ -46,7 +46,8 @@ pub(crate) fn read_obj_with(
     source: &mut Source<'_>,
     report: &mut Report,
 ) -> Result<Mesh, LoadError> {
-    Ok(read_with(source, report, &mut Plain)?.mesh)
+    let mesh = FileMesh::new(source.name);
+    Ok(read_with(source, mesh, report, &mut Plain)?.mesh)
 }
 
 /// What a reader takes beside the geometry.
@@ -99,11 +100,11 @@ const SILENT: [&[u8]; 4] = [b"o", b"g", b"s", b"mg"];
 /// Reads a file. The triangles that were left out have had their turn with `beside`.
 fn read_with<B: Beside>(
     source: &mut Source<'_>,
+    mut mesh: FileMesh<'_>,
     report: &mut Report,
     beside: &mut B,
 ) -> Result<ReadMesh, LoadError> {
     let name = source.name;
-    let mut mesh = FileMesh::new(name);
     let mut corners = Vec::new();
     let mut faces = 0;
     let mut kept = Vec::new();
@@ -124,16 +125,17 @@ fn read_with<B: Beside>(
             Some(b"v") => {
                 let position = position(&mut words).map_err(bad)?;
                 mesh.vertex(position, Some(line), report)?;
-                match words.count() {
-                    0 => {}
-                    1 => {
-                        let what = "the fourth coordinate, a weight of curves, is not used";
-                        report.warn(name, place(), WarningCode::Unused, what);
+                let rest = words.clone().count();
+                if rest == 1 {
+                    let what = "the fourth coordinate, a weight of curves, is not used";
+                    report.warn(name, place(), WarningCode::Unused, what);
+                } else if rest >= 3 && mesh.has_looks() {
+                    let mut color = [1.0; 3];
+                    for channel in &mut color {
+                        let word = words.next().and_then(number);
+                        *channel = word.filter(|channel| !channel.is_nan()).unwrap_or(1.0);
                     }
-                    _ => {
-                        let what = "colors of vertices are not used";
-                        report.warn(name, place(), WarningCode::Unused, what);
-                    }
+                    mesh.set_color(color);
                 }
             }
             // `fo` is an obsolete spelling of `f`.

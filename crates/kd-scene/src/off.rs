@@ -30,12 +30,22 @@ pub fn read_off(reader: impl Read, name: &str) -> Result<Mesh, LoadError> {
 /// The letters before `OFF` that are read.
 const PREFIXES: [&[u8]; 8] = [b"ST", b"C", b"N", b"STC", b"STN", b"CN", b"STCN", b""];
 
-/// Whether a first line is that of an OFF file that can be read, with other words or not.
+/// Whether a first line is that of an OFF file, which may be of a kind that cannot be read.
 pub(crate) fn is_header(line: &[u8]) -> bool {
-    let prefix = Words::new(line)
-        .next()
-        .and_then(|word| word.strip_suffix(b"OFF"));
-    prefix.is_some_and(|prefix| PREFIXES.contains(&prefix) || matches!(prefix, b"4" | b"n" | b"4n"))
+    let header = Words::new(line).next().and_then(header_of);
+    header.is_some_and(|(prefix, _)| {
+        PREFIXES.contains(&prefix) || matches!(prefix, b"4" | b"n" | b"4n")
+    })
+}
+
+/// The letters before `OFF` in a word, and the length of both. The number of vertices may follow without a blank.
+fn header_of(word: &[u8]) -> Option<(&[u8], usize)> {
+    let place = word.windows(3).position(|letters| letters == b"OFF")?;
+    let after = &word[place + 3..];
+    after
+        .iter()
+        .all(u8::is_ascii_digit)
+        .then_some((&word[..place], place + 3))
 }
 
 /// [`read_off`], with its warnings. A lenient reader leaves out damaged faces, and vertices that are not finite with the faces that use
@@ -142,14 +152,14 @@ impl Reader<'_, '_> {
             return Err(missing(self.source.name));
         }
         let first = Words::new(&self.lines.text).next().unwrap_or_default();
-        if let Some(prefix) = first.strip_suffix(b"OFF") {
+        if let Some((prefix, length)) = header_of(first) {
             if !PREFIXES.contains(&prefix) {
                 return Err(self.bad("points of other than three dimensions are not supported"));
             }
             if Words::new(&self.lines.text).any(|word| word == b"BINARY") {
                 return Err(self.bad("binary OFF is not supported"));
             }
-            self.lines.word();
+            self.lines.skip(length);
         }
         let mut counts = [0; 2];
         for count in &mut counts {

@@ -12,11 +12,11 @@ use std::io::Read;
 use kd_core::Mesh;
 
 use crate::LoadError;
-use crate::file_mesh::{Corner, FacePlace, FileMesh};
+use crate::file_mesh::{Corner, FacePlace, FileMesh, ReadMesh};
 use crate::report::{Report, Strictness, WarningCode};
 use crate::source::Source;
 use binary::BinaryRows;
-use header::{Element, Encoding, Kind, read_header};
+use header::{Element, Encoding, Kind, Scalar, read_header};
 use text::TextRows;
 
 /// Reads a PLY file as a mesh: text, or binary in either byte order. Errors name the file `name`.
@@ -34,18 +34,23 @@ use text::TextRows;
 /// three corners, an index out of range.
 pub fn read_ply(reader: impl Read, name: &str) -> Result<Mesh, LoadError> {
     let mut source = Source::new(reader, None, name);
-    read_ply_with(&mut source, &mut Report::new(Strictness::Usual))
+    let mesh = FileMesh::new(name);
+    let read = read_ply_with(&mut source, mesh, &mut Report::new(Strictness::Usual))?;
+    Ok(read.mesh)
 }
 
-/// [`read_ply`], with its warnings. A lenient reader leaves out damaged faces, and vertices that are not finite with the faces that use
+/// Reads a file into `mesh`, with warnings. A lenient reader leaves out damaged faces, and vertices that are not finite with the faces that use
 /// them.
 pub(crate) fn read_ply_with(
     source: &mut Source<'_>,
+    mut mesh: FileMesh<'_>,
     report: &mut Report,
-) -> Result<Mesh, LoadError> {
+) -> Result<ReadMesh, LoadError> {
     let name = source.name;
-    let header = read_header(source)?;
-    let mut mesh = FileMesh::new(name);
+    let header = read_header(source, report)?;
+    if mesh.has_looks() {
+        report_unused(&header.elements, name, report);
+    }
     let mut rows = Rows {
         encoding: header.encoding,
         text: TextRows::new(header.lines),
@@ -58,7 +63,26 @@ pub(crate) fn read_ply_with(
         rows.read(source, element, role, &mut mesh, report)?;
     }
     report_left_over(source, report)?;
-    Ok(mesh.finish(report, |_, _, _| {})?.mesh)
+    mesh.finish(report, |_, _, _| {})
+}
+
+/// Warns of what a scene could have and does not take.
+fn report_unused(elements: &[Element], file: &str, report: &mut Report) {
+    for element in elements.iter().filter(|element| element.count > 0) {
+        let is_used = |name: &str| match element.name.as_str() {
+            "vertex" => place_of(name).is_some(),
+            _ => is_corner_list(name),
+        };
+        let names = element
+            .properties
+            .iter()
+            .map(|property| property.name.as_str());
+        let unused: Vec<&str> = names.filter(|name| !is_used(name)).collect();
+        if !unused.is_empty() {
+            let what = format!("of `{}`, {} is not used", element.name, unused.join(", "));
+            report.warn(file, None, WarningCode::Unused, what);
+        }
+    }
 }
 
 /// Warns of data after the last element. A line end there is common and harmless.
@@ -89,21 +113,65 @@ fn report_left_over(source: &mut Source<'_>, report: &mut Report) -> Result<(), 
 /// What a mesh has of an element.
 #[derive(Debug, Default)]
 struct Row {
-    position: [f32; 3],
+    /// The values of [`VALUES`], in this order; those that a vertex lacks are 0.
+    values: [f32; VALUES.len()],
     corners: Vec<Corner>,
 }
 
+/// The properties of a vertex that are used: position, normal, color.
+const VALUES: [&str; 9] = ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue"];
+
 impl Row {
     fn set(&mut self, property: &str, value: impl FnOnce() -> f32) {
-        if let Some(axis) = axis_of(property) {
-            self.position[axis] = value();
+        if let Some(place) = place_of(property) {
+            self.values[place] = value();
         }
+    }
+
+    fn three(&self, first: usize) -> [f32; 3] {
+        [
+            self.values[first],
+            self.values[first + 1],
+            self.values[first + 2],
+        ]
     }
 }
 
-/// The axis of a coordinate.
-fn axis_of(property: &str) -> Option<usize> {
-    ["x", "y", "z"].iter().position(|axis| *axis == property)
+/// The place of a property among [`VALUES`].
+fn place_of(property: &str) -> Option<usize> {
+    VALUES.iter().position(|name| *name == property)
+}
+
+/// What vertices have beside their positions.
+#[derive(Clone, Copy, Debug, Default)]
+struct VertexHas {
+    normal: bool,
+    /// The value of a full channel of a color.
+    full_color: Option<f32>,
+}
+
+impl VertexHas {
+    fn of(element: &Element) -> Self {
+        let kind_of = |name: &str| {
+            let found = element.properties.iter().find(|it| it.name == name);
+            found.and_then(|property| match property.kind {
+                Kind::Scalar(scalar) => Some(scalar),
+                Kind::List { .. } => None,
+            })
+        };
+        let of = |first: usize| VALUES[first..first + 3].iter().map(|name| kind_of(name));
+        let full = |scalar: Scalar| match scalar {
+            Scalar::F32 | Scalar::F64 => 1.0,
+            Scalar::U16 | Scalar::I16 => 65535.0,
+            _ => 255.0,
+        };
+        Self {
+            normal: of(3).all(|scalar| scalar.is_some()),
+            full_color: of(6)
+                .all(|scalar| scalar.is_some())
+                .then(|| kind_of("red").map_or(1.0, full)),
+        }
+    }
 }
 
 fn is_corner_list(property: &str) -> bool {
@@ -193,9 +261,14 @@ impl Rows {
             }
         }
         let mut row = Row::default();
+        let has = if mesh.has_looks() {
+            VertexHas::of(element)
+        } else {
+            VertexHas::default()
+        };
         for index in 0..element.count {
             if is_text {
-                self.text.next(source, element, index, &mut row)?;
+                self.text.next(source, element, index, &mut row, report)?;
             } else {
                 binary.next(source, index, &mut row)?;
             }
@@ -205,7 +278,15 @@ impl Rows {
                 line,
             };
             match role {
-                Role::Vertex => mesh.vertex(row.position, line, report)?,
+                Role::Vertex => {
+                    mesh.vertex(row.three(0), line, report)?;
+                    if has.normal {
+                        mesh.set_normal(row.three(3));
+                    }
+                    if let Some(full) = has.full_color {
+                        mesh.set_color(row.three(6).map(|channel| channel / full));
+                    }
+                }
                 Role::Face => {
                     mesh.face(&row.corners, place, report)?;
                 }

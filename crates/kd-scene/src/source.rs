@@ -61,6 +61,7 @@ impl<'a> Source<'a> {
         }
     }
 
+    #[cfg(any(test, feature = "scenes"))]
     pub(crate) fn of_bytes(bytes: &'a [u8], name: &'a str) -> Self {
         Self::new(bytes, Some(bytes.len() as u64), name)
     }
@@ -202,6 +203,7 @@ impl<'a> Source<'a> {
     }
 
     /// The whole rest.
+    #[cfg(any(test, feature = "scenes"))]
     pub(crate) fn into_rest(mut self) -> Result<Vec<u8>, LoadError> {
         check_room(self.room_for(1) as u64).map_err(|source| LoadError::Read {
             file: self.name.to_owned(),

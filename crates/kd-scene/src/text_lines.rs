@@ -48,6 +48,11 @@ impl TextLines {
         Ok(false)
     }
 
+    /// Skips the first `count` bytes of the line.
+    pub(crate) fn skip(&mut self, count: usize) {
+        self.at = count.min(self.text.len());
+    }
+
     /// The place in the text of the next word of the line.
     #[inline]
     pub(crate) fn word(&mut self) -> Option<Range<usize>> {

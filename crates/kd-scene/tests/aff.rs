@@ -221,6 +221,10 @@ fn errors_name_file_and_line() {
     for (text, expected) in [
         ("\nq 1", "scene.aff: line 2: unknown command `q`"),
         (
+            "nff\nversion 2.0",
+            "scene.aff: line 1: the NFF format of Sense8 is not supported",
+        ),
+        (
             "s 0 0 zero 1",
             "scene.aff: line 1: the center of a sphere: `zero` is not a number",
         ),

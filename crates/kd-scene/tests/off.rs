@@ -14,6 +14,10 @@ fn valid_files_are_read() {
             "counts beside the word",
             TEXT.replace("OFF\n# a square and a triangle\n", "OFF "),
         ),
+        (
+            "counts at the word",
+            TEXT.replace("OFF\n# a square and a triangle\n", "\t OFF"),
+        ),
         ("no word", TEXT.replace("OFF\n", "")),
         ("no edges", TEXT.replace("4 2 0", "4 2")),
         ("colors of faces", TEXT.replace("2 3\n", "2 3 255 0 0\n")),

@@ -1,7 +1,7 @@
 //! The PLY reader on valid and invalid files.
 
 use kd_core::Mesh;
-use kd_scene::{LoadError, read_ply};
+use kd_scene::{LoadError, LoadOptions, Strictness, WarningCode, load_mesh_with, read_ply};
 use proptest::prelude::*;
 
 const BODY: &str = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n4 0 1 2 3\n";
@@ -109,11 +109,50 @@ fn other_elements_and_properties_are_skipped() {
 }
 
 #[test]
+#[cfg(feature = "scenes")]
+fn a_scene_has_the_colors_and_normals_of_vertices() {
+    use glam::Vec3;
+
+    let path = std::env::temp_dir().join(format!("kd-ply-looks-{}.ply", std::process::id()));
+    let properties = "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\n\
+        property uchar green\nproperty uchar blue\nproperty float quality\nelement face";
+    let text = header("ascii", 3, 1).replace("element face", properties)
+        + "0 0 0 0 0 1 255 0 0 5\n1 0 0 0 1 0 0 255 0 5\n0 1 0 1 0 0 0 0 255 5\n3 0 1 2\n";
+    std::fs::write(&path, text).expect("a temporary file");
+    let scene = kd_scene::load_scene_with(&path, &LoadOptions::new())
+        .expect("valid")
+        .value;
+    let surface = &scene.parts[0].surface;
+    assert_eq!(surface.colors, [[Vec3::X, Vec3::Y, Vec3::Z]]);
+    assert_eq!(surface.normals, [[Vec3::Z, Vec3::Y, Vec3::X]]);
+    let texts: Vec<String> = scene.warnings.iter().map(|it| it.message.clone()).collect();
+    assert_eq!(texts, ["of `vertex`, quality is not used"]);
+    let mesh = load_mesh_with(&path, &LoadOptions::new()).expect("valid");
+    assert!(mesh.warnings.is_empty(), "a mesh has geometry only");
+    drop(std::fs::remove_file(&path));
+}
+
+#[test]
 fn strips_become_triangles() {
     let text = header("ascii", 5, 1).replace("element face", "element tristrips");
     let mesh = read(text + "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n10 0 1 2 3 3 4 -1 2 3 4\n");
     // The repeated corner keeps the order of the strip.
     assert_eq!(mesh.triangles(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+}
+
+#[test]
+fn a_lenient_reader_leaves_out_what_the_header_lacks() {
+    let path = std::env::temp_dir().join(format!("kd-ply-{}.ply", std::process::id()));
+    let text = ascii().replace("3 0 1 2", "3 0 1 2 9 9");
+    let text = text.replace("1.0\n", "1.0\nCreated by hand\n");
+    std::fs::write(&path, text).expect("a temporary file");
+    let load = |strictness| load_mesh_with(&path, &LoadOptions::new().with_strictness(strictness));
+    assert!(load(Strictness::Usual).is_err(), "an error");
+    let loaded = load(Strictness::Lenient).expect("read");
+    assert_eq!(loaded.value.triangles(), FANS);
+    let codes: Vec<_> = loaded.warnings.iter().map(|it| it.code).collect();
+    assert_eq!(codes, [WarningCode::BadElement, WarningCode::LeftOver]);
+    drop(std::fs::remove_file(&path));
 }
 
 /// The fault, the text, and the expected error.

@@ -29,7 +29,7 @@ const COMPRESSIONS: [&str; 3] = [
 ];
 
 /// How the names of extensions begin, after their vendor, that change only looks, sounds, behavior or descriptions.
-const HARMLESS: [&str; 15] = [
+const HARMLESS: [&str; 16] = [
     "animation_pointer",
     "audio",
     "collections",
@@ -42,6 +42,7 @@ const HARMLESS: [&str; 15] = [
     "node_hoverability",
     "node_selectability",
     "structural_metadata",
+    "technique",
     "texture",
     "vrm",
     "xmp",

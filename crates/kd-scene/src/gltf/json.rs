@@ -45,14 +45,25 @@ fn text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> 
     })
 }
 
+/// A text or a number as text; anything else is as if it were not there.
+fn plain<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    Ok(match Value::deserialize(deserializer)? {
+        Value::String(text) => text,
+        Value::Number(number) => number.to_string(),
+        _ => String::new(),
+    })
+}
+
 /// The properties of an element that extensions define, by their names.
 pub(super) type Extensions = Map<String, Value>;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Asset {
-    pub(super) version: Option<String>,
-    pub(super) min_version: Option<String>,
+    #[serde(deserialize_with = "plain")]
+    pub(super) version: String,
+    #[serde(deserialize_with = "plain")]
+    pub(super) min_version: String,
 }
 
 #[derive(Debug, Default, Deserialize)]

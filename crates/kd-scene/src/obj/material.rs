@@ -101,6 +101,8 @@ impl MtlMaterial {
                 let model = rest(statement, keyword).parse().ok();
                 assign(&mut self.illumination, model)
             }
+            // Most files have any color here; the diffuse one serves.
+            "Ka" => true,
             "map_Kd" => assign(&mut self.texture, texture(&rest(statement, keyword))),
             _ => return Set::Unused,
         };

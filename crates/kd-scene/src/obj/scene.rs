@@ -10,7 +10,7 @@ use super::material::{MtlMaterial, read_mtl};
 use super::statements::{numbers, rest};
 use super::{Beside, read_with};
 use crate::error::quoted;
-use crate::file_mesh::ReadMesh;
+use crate::file_mesh::FileMesh;
 use crate::files::read_file;
 use crate::report::{Place, Report, Strictness, WarningCode};
 use crate::source::Source;
@@ -60,15 +60,21 @@ pub(crate) fn read_obj_scene_with(
         normals: Vec::new(),
         uvs: Vec::new(),
         current: 0,
+        lacks_library: false,
         face: Face::default(),
         surface: Surface::default(),
     };
-    let ReadMesh { mesh, left_out } = read_with(source, report, &mut looks)?;
-    let surface = looks.finished_surface(mesh.len(), &left_out);
-    let mut scene = SceneDescription::of_mesh(mesh);
+    let mesh = FileMesh::with_looks(source.name);
+    let read = read_with(source, mesh, report, &mut looks)?;
+    let surface = looks.finished_surface(read.mesh.len(), &read.left_out);
+    let mut scene = read.into_scene();
     scene.materials = looks.materials;
     scene.textures = looks.textures;
-    scene.parts[0].surface = surface;
+    let own = &mut scene.parts[0].surface;
+    *own = Surface {
+        colors: std::mem::take(&mut own.colors),
+        ..surface
+    };
     Ok(scene)
 }
 
@@ -88,6 +94,8 @@ struct Looks<'a> {
     uvs: Vec<Option<[f32; 2]>>,
     /// Index of the current material.
     current: u32,
+    /// Whether a file of materials could not be read.
+    lacks_library: bool,
     /// The face whose triangles are next.
     face: Face,
     /// Of the triangles so far.
@@ -256,6 +264,10 @@ impl Looks<'_> {
             return;
         }
         self.current = 0;
+        // The warning of the missing file says so of all its materials.
+        if self.lacks_library {
+            return;
+        }
         let what = format!("unknown material `{name}`; using light gray");
         let place = Some(Place::Line(line));
         report.warn(self.file, place, WarningCode::UnknownMaterial, what);
@@ -280,11 +292,12 @@ impl Looks<'_> {
         }
     }
 
-    fn note_missing(&self, name: &str, error: &io::Error, line: usize, report: &mut Report) {
+    fn note_missing(&mut self, name: &str, error: &io::Error, line: usize, report: &mut Report) {
         let what = format!(
             "cannot read {}: {error}; using light gray",
             quoted(name.as_bytes())
         );
+        self.lacks_library = true;
         let place = Some(Place::Line(line));
         report.warn(self.file, place, WarningCode::MissingFile, what);
     }

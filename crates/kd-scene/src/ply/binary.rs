@@ -10,10 +10,18 @@ use crate::source::Source;
 pub(super) struct BinaryRows<'e> {
     element: &'e Element,
     is_big_endian: bool,
-    /// Where x, y and z are in a vertex, if that is the same in all vertices.
-    position: Option<([(usize, Scalar); 3], usize)>,
+    /// Where the values are that are used, and how long a vertex is, if that is the same in all vertices.
+    fixed: Option<(Vec<Place>, usize)>,
     /// Whether a face is a list of 32-bit indices with a count of one byte, in little endian, and nothing else.
     is_plain_list: bool,
+}
+
+/// Where a value is in a vertex.
+struct Place {
+    /// Its number in a row.
+    value: usize,
+    offset: usize,
+    scalar: Scalar,
 }
 
 /// What a row lacks.
@@ -44,7 +52,7 @@ impl<'e> BinaryRows<'e> {
         Self {
             element,
             is_big_endian,
-            position: position_of(element),
+            fixed: places_of(element),
             is_plain_list,
         }
     }
@@ -90,10 +98,12 @@ impl<'e> BinaryRows<'e> {
     /// Reads a row at the start of `bytes`, and returns its length.
     #[inline]
     fn parse(&self, bytes: &[u8], row: &mut Row) -> Result<usize, Lack> {
-        if let Some((places, size)) = self.position {
-            let bytes = bytes.get(..size).ok_or(Lack::Bytes(size))?;
-            row.position = places.map(|(at, scalar)| self.float(&bytes[at..], scalar));
-            return Ok(size);
+        if let Some((places, size)) = &self.fixed {
+            let bytes = bytes.get(..*size).ok_or(Lack::Bytes(*size))?;
+            for place in places {
+                row.values[place.value] = self.float(&bytes[place.offset..], place.scalar);
+            }
+            return Ok(*size);
         }
         if self.is_plain_list
             && let [count, items @ ..] = bytes
@@ -179,21 +189,25 @@ impl<'e> BinaryRows<'e> {
     }
 }
 
-/// The places of x, y and z, and the size of a vertex, if it has no list.
-fn position_of(element: &Element) -> Option<([(usize, Scalar); 3], usize)> {
+/// The places of the values of a vertex, and its size, if it has no list.
+fn places_of(element: &Element) -> Option<(Vec<Place>, usize)> {
     if element.name != "vertex" {
         return None;
     }
-    let mut places = [(0, Scalar::F32); 3];
-    let mut at = 0;
+    let mut places = Vec::new();
+    let mut offset = 0;
     for property in &element.properties {
         let Kind::Scalar(scalar) = property.kind else {
             return None;
         };
-        if let Some(axis) = super::axis_of(&property.name) {
-            places[axis] = (at, scalar);
+        if let Some(value) = super::place_of(&property.name) {
+            places.push(Place {
+                value,
+                offset,
+                scalar,
+            });
         }
-        at += scalar.size();
+        offset += scalar.size();
     }
-    Some((places, at))
+    Some((places, offset))
 }

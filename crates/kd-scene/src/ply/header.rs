@@ -2,6 +2,7 @@
 
 use crate::LoadError;
 use crate::error::quoted;
+use crate::report::{Place, Report, WarningCode};
 use crate::source::{LineEnd, Source};
 
 /// How the data are written.
@@ -55,7 +56,11 @@ pub(super) struct Header {
 }
 
 /// Reads a header, and takes it from the source. Comments, blank lines and blanks around lines are skipped.
-pub(super) fn read_header(source: &mut Source<'_>) -> Result<Header, LoadError> {
+/// A lenient reader also skips lines that are none of a header.
+pub(super) fn read_header(
+    source: &mut Source<'_>,
+    report: &mut Report,
+) -> Result<Header, LoadError> {
     let name = source.name;
     source.take_byte_order_mark()?;
     let mut encoding = None;
@@ -123,7 +128,11 @@ pub(super) fn read_header(source: &mut Source<'_>) -> Result<Header, LoadError> 
                     lines,
                 });
             }
-            _ => return Err(bad()),
+            _ => {
+                let what = "a line of the header has no meaning; it is left out";
+                let place = Some(Place::Line(lines));
+                report.leave_out(bad(), place, WarningCode::BadElement, what)?;
+            }
         }
         last_end = end;
     }

@@ -7,6 +7,7 @@ use super::header::{Element, Kind, Scalar};
 use crate::LoadError;
 use crate::error::quoted;
 use crate::file_mesh::Corner;
+use crate::report::{Place, Report, WarningCode};
 use crate::source::Source;
 use crate::text_lines::TextLines;
 use crate::words::{integer, number};
@@ -24,7 +25,19 @@ pub(super) struct TextRows {
 /// Why an element cannot be read.
 enum Fault {
     Problem(&'static str),
+    /// The line has further values.
+    TooMany,
     Source(LoadError),
+}
+
+impl Fault {
+    fn text(&self) -> String {
+        match self {
+            Self::Problem(problem) => (*problem).to_owned(),
+            Self::TooMany => "more values than the header declares".to_owned(),
+            Self::Source(error) => error.to_string(),
+        }
+    }
 }
 
 impl From<LoadError> for Fault {
@@ -34,7 +47,6 @@ impl From<LoadError> for Fault {
 }
 
 const TOO_FEW: Fault = Fault::Problem("too few values");
-const TOO_MANY: Fault = Fault::Problem("more values than the header declares");
 
 impl TextRows {
     /// The rows after a header of `lines` lines.
@@ -54,6 +66,7 @@ impl TextRows {
         element: &Element,
         index: usize,
         row: &mut Row,
+        report: &mut Report,
     ) -> Result<(), LoadError> {
         if !self.lines.next(source)? {
             return Err(LoadError::Truncated {
@@ -65,21 +78,36 @@ impl TextRows {
         }
         self.line = self.lines.number;
         self.has_several = false;
-        self.row(source, element, row).map_err(|fault| match fault {
-            Fault::Source(error) => error,
-            Fault::Problem(problem) => {
-                let first = if self.has_several {
-                    &self.first
-                } else {
-                    &self.lines.text
-                };
-                LoadError::BadLine {
-                    file: source.name.to_owned(),
-                    line: self.line,
-                    problem: format!("{} {index}: {problem}: {}", element.name, quoted(first)),
-                }
-            }
-        })
+        let fault = match self.row(source, element, row) {
+            Ok(()) => return Ok(()),
+            Err(Fault::Source(error)) => return Err(error),
+            Err(fault) => fault,
+        };
+        let first = if self.has_several {
+            &self.first
+        } else {
+            &self.lines.text
+        };
+        let error = LoadError::BadLine {
+            file: source.name.to_owned(),
+            line: self.line,
+            problem: format!(
+                "{} {index}: {}: {}",
+                element.name,
+                fault.text(),
+                quoted(first)
+            ),
+        };
+        if !matches!(fault, Fault::TooMany) {
+            return Err(error);
+        }
+        let what = "a line has more values than the header declares; they are left out";
+        report.leave_out(
+            error,
+            Some(Place::Line(self.line)),
+            WarningCode::LeftOver,
+            what,
+        )
     }
 
     fn row(
@@ -118,7 +146,7 @@ impl TextRows {
             (None, _) => Ok(()),
             // The values of the next element.
             (Some(_), true) => Err(TOO_FEW),
-            (Some(_), false) => Err(TOO_MANY),
+            (Some(_), false) => Err(Fault::TooMany),
         }
     }
 

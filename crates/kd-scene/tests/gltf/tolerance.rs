@@ -150,6 +150,10 @@ fn other_versions_are_refused_by_name() {
             r#"{"meshes": {"a": {}}}"#,
             "the file is glTF 1, which is not supported; expected 2.0",
         ),
+        (
+            r#"{"asset": {"version": 1}}"#,
+            "the file is glTF 1, which is not supported; expected 2.0",
+        ),
         (r#"{"a": 1}"#, "`asset.version` is missing; expected 2.0"),
     ] {
         let error = read_bytes(asset.as_bytes().to_vec())
