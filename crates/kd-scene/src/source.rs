@@ -8,6 +8,7 @@ use std::path::Path;
 use memchr::memchr2;
 
 use crate::LoadError;
+#[cfg(any(test, feature = "scenes"))]
 use crate::memory::check_room;
 
 /// The byte order mark that some editors write before UTF-8 text.
