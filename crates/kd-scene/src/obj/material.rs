@@ -71,6 +71,10 @@ pub(super) fn read_mtl(bytes: &[u8], path: &Path, report: &mut Report) -> Vec<Mt
                 let message = format!("`{keyword}` is not used");
                 report.warn(&file, place, WarningCode::Unused, message);
             }
+            Set::WouldHide => {
+                let message = "`Tr 1` would hide the surface; it is opaque";
+                report.warn(&file, place, WarningCode::BadMaterial, message);
+            }
             Set::Bad => {
                 let message = format!("bad statement, left out: {}", quoted(statement));
                 report.warn(&file, place, WarningCode::BadMaterial, message);
@@ -85,6 +89,8 @@ enum Set {
     Done,
     Unused,
     Bad,
+    /// The surface would be invisible.
+    WouldHide,
 }
 
 impl MtlMaterial {
@@ -96,6 +102,8 @@ impl MtlMaterial {
             "Ns" => assign(&mut self.shine, last_number(statement)),
             "Ni" => assign(&mut self.refraction, last_number(statement)),
             "d" => assign(&mut self.opacity, last_number(statement)),
+            // MeshLab and others write `Tr 1` for an opaque surface; by the text of MTL, it is invisible.
+            "Tr" if last_number(statement) == Some(1.0) => return Set::WouldHide,
             "Tr" => assign(&mut self.opacity, last_number(statement).map(|x| 1.0 - x)),
             "illum" => {
                 let model = rest(statement, keyword).parse().ok();
@@ -202,7 +210,11 @@ mod tests {
 
     #[test]
     fn one_bad_statement_is_lost_alone() {
-        let rows: [(&str, &str); 9] = [
+        let rows: [(&str, &str); 10] = [
+            (
+                "Tr 1.000000",
+                "line 2: `Tr 1` would hide the surface; it is opaque",
+            ),
             ("Kd", "line 2: bad statement, left out: `Kd`"),
             ("Kd 0 1", "line 2: bad statement, left out: `Kd 0 1`"),
             (
