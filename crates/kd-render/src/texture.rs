@@ -80,6 +80,36 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_is_no_picture_or_too_large_is_an_error() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("a texture.png");
+        for content in [
+            &b""[..],
+            b"text",
+            b"\x89PNG\r\n\x1a\n",
+            b"P6 100000 100000 255\n",
+        ] {
+            let bytes = TextureSource::Bytes(content.into());
+            std::fs::write(&path, content).expect("a temporary file");
+            let file = TextureSource::File(path.clone());
+            for source in [bytes, file] {
+                let loaded = TextureImage::load(&source, ColorSpace::Display);
+                assert!(loaded.is_err(), "{:?}", String::from_utf8_lossy(content));
+            }
+        }
+        let none = TextureSource::File(folder.path().join("none.png"));
+        assert!(
+            TextureImage::load(&none, ColorSpace::Display).is_err(),
+            "missing"
+        );
+        let is_folder = TextureSource::File(folder.path().to_owned());
+        assert!(
+            TextureImage::load(&is_folder, ColorSpace::Display).is_err(),
+            "a folder"
+        );
+    }
+
+    #[test]
     fn lookups_are_bilinear_and_periodic() {
         let mut image = RgbImage::new(2, 1);
         image.put_pixel(0, 0, image::Rgb([255, 0, 0]));

@@ -77,6 +77,102 @@ fn content_decides_then_the_extension() {
     );
 }
 
+#[test]
+fn odd_files_are_meshes_or_errors_with_their_name() {
+    let folder = Folder::new("odd");
+    for (name, is_mesh) in [
+        ("empty.obj", true),
+        ("empty.ply", false),
+        ("empty.stl", false),
+        ("empty.off", false),
+        ("a name with blanks é 三.obj", true),
+    ] {
+        let path = folder.file(name, "");
+        match load_mesh(&path) {
+            Ok(mesh) => assert!(is_mesh && mesh.is_empty(), "{name}"),
+            Err(error) => {
+                let text = error.to_string();
+                assert!(
+                    !is_mesh && text.starts_with(&path.display().to_string()),
+                    "{text}"
+                );
+            }
+        }
+    }
+    for name in ["folder.obj", "folder"] {
+        let path = folder.0.join(name);
+        fs::create_dir(&path).expect("a folder in the folder");
+        let error = load_mesh(&path).expect_err("a folder");
+        assert!(matches!(error, LoadError::Open { .. }), "{error}");
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+
+        let path = folder.file("secret.obj", OBJ);
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o000)).expect("own file");
+        // The user `root` may read it all the same.
+        if fs::read(&path).is_err() {
+            let error = load_mesh(&path).expect_err("no permission");
+            assert!(matches!(error, LoadError::Open { .. }), "{error}");
+        }
+    }
+}
+
+/// Files with holes, which take no room on the disk.
+#[test]
+#[cfg(target_os = "linux")]
+fn files_larger_than_memory_are_errors() {
+    const LENGTH: u64 = 1 << 42;
+    let folder = Folder::new("large");
+    let huge = |name: &str, start: &[u8]| {
+        let path = folder.file(name, "");
+        fs::write(&path, start).expect("a temporary file");
+        let file = fs::OpenOptions::new()
+            .write(true)
+            .open(&path)
+            .expect("own file");
+        file.set_len(LENGTH).is_ok().then_some(path)
+    };
+    let header = PLY
+        .replace("ascii", "binary_little_endian")
+        .replace("vertex 3", "vertex 300000000000");
+    let header = header
+        .split_inclusive("end_header\n")
+        .next()
+        .expect("a header");
+    let mut stl = vec![b' '; 80];
+    stl.extend(u32::MAX.to_le_bytes());
+    for (name, start) in [("a.ply", header.as_bytes()), ("a.stl", &stl)] {
+        let Some(path) = huge(name, start) else {
+            continue;
+        };
+        let error = load_mesh(&path).expect_err(name).to_string();
+        assert!(error.contains("of memory"), "{error}");
+    }
+    #[cfg(feature = "scenes")]
+    {
+        if huge("a.bin", b"").is_none() {
+            return;
+        }
+        let text = r#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"byteLength": 36, "uri": "a.bin"}]}"#;
+        let path = folder.file("a.gltf", text);
+        let error = load_mesh(&path).expect_err("a buffer of 4 TB").to_string();
+        assert!(
+            error.contains("/buffers/0: `a.bin`: needs 4398046511104 bytes of memory"),
+            "{error}"
+        );
+        for name in ["a.glb", "a.3mf", "a.aff"] {
+            let path = huge(name, b"").expect("as before");
+            let error = load_mesh(&path).expect_err(name).to_string();
+            assert!(error.contains("of memory"), "{error}");
+        }
+    }
+}
+
 #[cfg(feature = "scenes")]
 mod scenes {
     use glam::Vec3;

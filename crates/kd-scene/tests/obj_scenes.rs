@@ -5,7 +5,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
-use kd_scene::{LoadError, SceneDescription, Surface, TextureSource, read_obj_scene};
+use kd_scene::{
+    LoadError, LoadOptions, SceneDescription, Strictness, Surface, TextureSource, WarningCode,
+    load_scene_with, read_obj_scene,
+};
 
 const MATERIALS: &str = "
 newmtl red
@@ -153,4 +156,53 @@ fn attributes_that_are_not_there_are_warnings() {
         error.to_string(),
         "a/scene.obj: line 5: face 0: index 9 is out of range, there are 3 vertices"
     );
+}
+
+/// Faces before their vertices: a concave one, one with an index that no vertex has, one with a vertex that is not finite.
+#[test]
+fn a_lenient_reader_keeps_surfaces_with_their_triangles() {
+    let folder = std::env::temp_dir().join(format!("kd-obj-lenient-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    let path = folder.join("scene.obj");
+    let object = "mtllib looks.mtl\nvn 0 0 1\nusemtl red\nf 1//1 2//1 5//1 4//1\nusemtl glass\nf 1 2 99\n\
+        usemtl wood\nf 1 2 6\nusemtl red\nf 1 2 3\n\
+        v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .2 .2 0\nv nan 0 0\n\
+        usemtl wood\nf 1 2 6\nf 1 2 0\nf 2 3 4\n";
+    std::fs::write(&path, object).expect("written");
+    std::fs::write(folder.join("looks.mtl"), MATERIALS).expect("written");
+    let load = |strictness| load_scene_with(&path, &LoadOptions::new().with_strictness(strictness));
+    let error = load(Strictness::Usual)
+        .expect_err("a vertex that is not finite")
+        .to_string();
+    assert!(
+        error.ends_with("line 16: vertex 5 is not finite"),
+        "{error}"
+    );
+    let loaded = load(Strictness::Lenient).expect("the rest is read");
+    let codes: Vec<_> = loaded
+        .warnings
+        .iter()
+        .map(|it| (it.code, it.count))
+        .collect();
+    use WarningCode::{BadIndex, NotFinite};
+    assert_eq!(codes, [(NotFinite, 1), (NotFinite, 2), (BadIndex, 2)]);
+    let part = &loaded.value.parts[0];
+    assert_eq!(
+        part.mesh.triangles(),
+        [[4, 3, 0], [4, 0, 1], [0, 1, 2], [1, 2, 3]]
+    );
+    let (red, wood) = (1, 3);
+    assert_eq!(part.surface.materials, [red, red, red, wood]);
+    let (up, flat) = ([Vec3::Z; 3], [Vec3::ZERO; 3]);
+    assert_eq!(part.surface.normals, [up, up, flat, flat]);
+    drop(std::fs::remove_dir_all(&folder));
+}
+
+#[test]
+fn colors_of_vertices_are_read() {
+    let object = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0\nv 1 1 0 0 0 2\nf 1 2 3\nf 2 4 3\n";
+    let scene = read(object, "").expect("valid");
+    let expected = [[Vec3::X, Vec3::Y, Vec3::ONE], [Vec3::Y, Vec3::Z, Vec3::ONE]];
+    assert_eq!(scene.parts[0].surface.colors, expected);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
