@@ -34,6 +34,7 @@ use buffers::Buffers;
 use container::Container;
 use json::{Document, Whole};
 use material::Look;
+use primitive::Triangles;
 use skins::OwnPart;
 
 /// Reads a glTF file, `.gltf` or `.glb`, and the buffers that it names. `files` reads the file at a path.
@@ -92,7 +93,7 @@ pub(crate) fn read_gltf_with(
         node_index: HashMap::new(),
         looks: HashMap::new(),
         images: HashMap::new(),
-        triangles: 0,
+        elements: 0,
     };
     reader.read()?;
     reader.finish()
@@ -154,8 +155,8 @@ struct Reader<'a> {
     looks: HashMap<Option<usize>, Look>,
     /// Index in the scene of each image of the file that is used.
     images: HashMap<usize, u32>,
-    /// The number of triangles so far.
-    triangles: usize,
+    /// The number of vertices and triangles so far.
+    elements: usize,
 }
 
 impl Reader<'_> {
@@ -223,6 +224,9 @@ impl Reader<'_> {
                 WarningCode::NoScene,
                 "the file has no scene; all of its nodes are read",
             );
+        } else if !self.document.all("/meshes").is_empty() {
+            let what = "the file has no node that places its meshes; nothing is read";
+            self.warn("/meshes", WarningCode::NoScene, what);
         }
         Ok(roots)
     }
@@ -349,8 +353,10 @@ impl Reader<'_> {
         }
         let pointer = format!("/nodes/{}", number.0);
         let instances = self.instances(node, &pointer)?;
-        let triangles: usize = primitives.iter().map(|it| it.triangles.len()).sum();
-        self.count(instances.len().saturating_mul(triangles), &pointer)?;
+        let elements: usize = primitives.iter().map(Triangles::elements).sum();
+        // The first one is counted where it was read.
+        let others = instances.len().saturating_sub(1);
+        self.count(others.saturating_mul(elements), &pointer)?;
         for instance in instances {
             let transform = Transform::new(enclosing.to_moving_node * instance);
             for primitive in &primitives {
@@ -360,14 +366,15 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Counts triangles before they are added: a short file may repeat a mesh any number of times.
-    fn count(&mut self, triangles: usize, pointer: &str) -> Result<(), LoadError> {
-        const MOST: usize = 1 << 28;
-        self.triangles = self.triangles.saturating_add(triangles);
-        if self.triangles <= MOST {
+    /// Counts vertices and triangles before they are added: a short file may repeat them any number of times.
+    fn count(&mut self, elements: usize, pointer: &str) -> Result<(), LoadError> {
+        const MOST: usize = 1 << 26;
+        self.elements = self.elements.saturating_add(elements);
+        if self.elements <= MOST.saturating_add(self.buffers.bytes()) {
             return Ok(());
         }
-        let problem = format!("the instances of meshes have more than {MOST} triangles");
+        let problem =
+            format!("the file repeats its meshes to more than {MOST} vertices and triangles");
         Err(self.document.bad_value(pointer, problem))
     }
 

@@ -50,6 +50,7 @@ pub(crate) fn read_3mf_with(
         models: HashMap::new(),
         draft: PartDraft::new(String::new(), None, false),
         materials: Materials::default(),
+        elements: 0,
         counts: HashMap::new(),
     };
     let root = reader.root()?;
@@ -57,10 +58,11 @@ pub(crate) fn read_3mf_with(
     let mut count: usize = 0;
     for item in reader.items(&root) {
         /// A short file may repeat an object any number of times.
-        const MOST: usize = 1 << 28;
+        const MOST: usize = 1 << 26;
         count = count.saturating_add(reader.count(&item, 0)?);
-        if count > MOST {
-            let problem = format!("all components have more than {MOST} triangles");
+        if count > MOST.saturating_add(reader.elements) {
+            let problem =
+                format!("the file repeats its objects to more than {MOST} vertices and triangles");
             return Err(reader.bad(&item, problem));
         }
         reader.add(&item, DAffine3::IDENTITY)?;
@@ -90,7 +92,9 @@ struct Reader<'a> {
     models: HashMap<String, Model>,
     draft: PartDraft,
     materials: Materials,
-    /// The number of triangles and components of each object, by its model and its id.
+    /// The number of vertices and triangles of all objects that were read, each counted once.
+    elements: usize,
+    /// What [`count`](Self::count) has found for an object, by its model and its id.
     counts: HashMap<(String, u32), usize>,
 }
 
@@ -156,6 +160,8 @@ impl Reader<'_> {
             .by_name(path)
             .map_err(|error| broken(&file, &error))?;
         let model = Model::read(entry, &file, self.report)?;
+        let elements: usize = model.objects.values().map(Object::elements).sum();
+        self.elements = self.elements.saturating_add(elements);
         self.models.insert(path.to_owned(), model);
         Ok(())
     }
@@ -186,7 +192,7 @@ impl Reader<'_> {
         items.collect()
     }
 
-    /// The number of triangles and components of an object, and of all objects in it.
+    /// The number of vertices, triangles and components of an object, and of all objects in it.
     fn count(&mut self, item: &Item, depth: usize) -> Result<usize, LoadError> {
         /// Files of today use few levels.
         const MAX_DEPTH: usize = 64;
@@ -201,7 +207,7 @@ impl Reader<'_> {
         }
         let object = self.models[&path].objects.get(&item.object);
         let object = object.ok_or_else(|| self.bad(item, "does not exist".to_owned()))?;
-        let mut count = object.triangles.len();
+        let mut count = object.elements();
         for component in object.components_in(&path) {
             count = count.saturating_add(1 + self.count(&component, depth + 1)?);
         }

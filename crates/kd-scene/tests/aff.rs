@@ -380,6 +380,28 @@ fn what_is_left_out_or_replaced_has_a_warning() {
     assert_eq!(seen, [true, true], "the key at 4 comes after the one at 6");
 }
 
+/// Vertices without triangles take memory too.
+#[test]
+fn loose_vertices_count_towards_the_maximum() {
+    let vertices = "0 0 0 ".repeat(2000);
+    let block = format!("m vertices 2000 {vertices} triangles 0\n");
+    let options = AffOptions {
+        max_triangles: 1000,
+        ..AffOptions::default()
+    };
+    assert!(
+        read(&[("scene.aff", &block)], &options).is_ok(),
+        "666 of 1000"
+    );
+    let error = read(&[("scene.aff", &block.repeat(2))], &options).expect_err("1332 of 1000");
+    assert!(
+        error
+            .to_string()
+            .ends_with("more than 1000 triangles, the maximum"),
+        "{error}"
+    );
+}
+
 #[test]
 fn a_view_needs_no_near_plane() {
     let text = "v from 0 0 5 at 0 0 0 up 0 1 0 angle 30\ns 0 0 0 1";

@@ -217,7 +217,11 @@ impl Reader<'_> {
                 .map(|at| (transform.position(*at), Vec3::ZERO));
             add(self.draft(enclosing, false), tokens, positions)?
         };
-        for face in 0..tokens.count("the number of triangles")? {
+        let triangles = tokens.count("the number of triangles")?;
+        // Vertices without triangles take memory too, each time that a file is included.
+        let loose = vertices.len().saturating_sub(triangles.saturating_mul(3));
+        self.count_triangles(tokens, loose / 3)?;
+        for face in 0..triangles {
             self.count_triangles(tokens, 1)?;
             let draft = self.draft(enclosing, false);
             let corners = corners(tokens, face, &vertices)?;

@@ -171,7 +171,7 @@ pub(super) fn numbers<T: Number>(
         }
         None => {
             // Zeros take no bytes, so a short file could declare any number of them.
-            const FREE: usize = 1 << 16;
+            const FREE: usize = 1 << 12;
             if count > FREE.max(buffers.bytes()) {
                 return Err(bad(format!("has no bufferView for its {count} values")));
             }

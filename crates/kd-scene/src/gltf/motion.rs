@@ -8,7 +8,7 @@ use super::json::{self, Channel, Node, Sampler, Whole};
 use super::{Reader, at_rest, rotation};
 use crate::keys::sampled::{Interpolate, Sampled, Values};
 use crate::keys::{Curve, Keys};
-use crate::report::WarningCode;
+use crate::report::{Place, WarningCode};
 use crate::{LoadError, Span};
 
 /// Frames per second; glTF specifies times only.
@@ -41,7 +41,12 @@ impl Reader<'_> {
         let animation: json::Animation = self.document.get("/animations", Whole(0))?;
         for (number, channel) in animation.channels.iter().enumerate() {
             let pointer = format!("{ANIMATION}/channels/{number}");
-            self.channel(channel, &animation.samplers, &pointer, &mut motion)?;
+            if let Err(error) = self.channel(channel, &animation.samplers, &pointer, &mut motion) {
+                let what = format!("a channel cannot be read; it is left out ({error})");
+                let place = Some(Place::Pointer(pointer));
+                self.report
+                    .leave_out(error, place, WarningCode::BadAnimation, &what)?;
+            }
         }
         #[expect(
             clippy::cast_possible_truncation,

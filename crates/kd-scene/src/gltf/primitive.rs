@@ -13,10 +13,10 @@ use crate::report::{Place, Report, WarningCode};
 /// The vertices and the triangles of a primitive, in the coordinates of its mesh.
 pub(super) struct Triangles {
     /// Where the primitive is in the file.
-    pub(super) pointer: String,
-    pub(super) positions: Vec<[f32; 3]>,
+    pointer: String,
+    positions: Vec<[f32; 3]>,
     /// Corners, all of which exist.
-    pub(super) triangles: Vec<[u32; 3]>,
+    triangles: Vec<[u32; 3]>,
     look: Look,
     normals: Option<Vec<[f32; 3]>>,
     uvs: Option<Vec<[f32; 2]>>,
@@ -95,6 +95,13 @@ impl Reader<'_> {
             self.warn(pointer, WarningCode::Unused, what);
             return Ok(None);
         };
+        let of_targets = count.saturating_mul(primitive.targets.len());
+        self.count(
+            count
+                .saturating_add(of_targets)
+                .saturating_add(triangles.len()),
+            pointer,
+        )?;
         let look = self.look(primitive.material);
         let mut read = Triangles {
             pointer: pointer.to_owned(),
@@ -308,6 +315,11 @@ impl Reader<'_> {
 }
 
 impl Triangles {
+    /// The number of vertices and triangles.
+    pub(super) fn elements(&self) -> usize {
+        self.positions.len() + self.triangles.len()
+    }
+
     /// Adds the morph targets, each with its weight, to positions and normals.
     fn blend(&mut self, weights: &[f64]) {
         let add = |to: &mut [[f32; 3]], offsets: &[[f32; 3]], weight: f64| {

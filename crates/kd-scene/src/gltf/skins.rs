@@ -42,9 +42,7 @@ impl Reader<'_> {
         let targets = targets.max().unwrap_or(0);
         let (mut offsets, mut normals) = (vec![Vec::new(); targets], vec![Vec::new(); targets]);
         let mut influences = Vec::new();
-        let pointer = format!("/nodes/{}", number.0);
         for primitive in primitives {
-            self.count(primitive.triangles.len(), &pointer)?;
             let before = draft.triangles().len();
             let vertices = primitive.add_to(&mut draft, &transform, self.file, self.report)?;
             influences.extend_from_slice(&primitive.influences);

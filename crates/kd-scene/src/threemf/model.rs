@@ -35,6 +35,11 @@ pub(super) struct Object {
 }
 
 impl Object {
+    /// The number of its own vertices and triangles.
+    pub(super) fn elements(&self) -> usize {
+        self.positions.len() + self.triangles.len()
+    }
+
     /// The components, with the path of the model that has each; `path` is that of this object.
     pub(super) fn components_in(&self, path: &str) -> Vec<Item> {
         let components = self.components.iter().map(|component| Item {

@@ -68,14 +68,27 @@ fn instances_are_placed() {
 fn a_short_file_cannot_have_any_number_of_triangles() {
     let mut file = File::default();
     let moves = file.floats("VEC3", 3, &[0.0; 3]);
-    file.accessors[moves] = json!({ "componentType": 5126, "type": "VEC3", "count": 60_000 });
+    file.accessors[moves] = json!({ "componentType": 5126, "type": "VEC3", "count": 4000 });
     let corners = file.indices(&[0; 60_000]);
-    let node = json!({ "extensions": { "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": moves } } } });
+    let of = json!({ "attributes": { "TRANSLATION": moves } });
+    let node = json!({ "extensions": { "EXT_mesh_gpu_instancing": of } });
     let file = triangle(file, node, json!({ "indices": corners }), json!({}));
     let error = read(&file).expect_err("too many").to_string();
-    let expected =
-        "a/scene.gltf: /nodes/0: the instances of meshes have more than 268435456 triangles";
-    assert_eq!(error, expected);
+    let expected = "the file repeats its meshes to more than 67108864 vertices and triangles";
+    assert_eq!(error, format!("a/scene.gltf: /nodes/0: {expected}"));
+    // The same by nodes, and by morph targets.
+    let mut by_nodes = file.clone();
+    by_nodes["nodes"] = json!(vec![json!({ "mesh": 0 }); 4000]);
+    by_nodes["scenes"][0]["nodes"] = json!((0..4000).collect::<Vec<_>>());
+    let mut by_targets = file;
+    by_targets["nodes"] = json!([{ "mesh": 0 }]);
+    let primitive = &mut by_targets["meshes"][0]["primitives"][0];
+    primitive["attributes"]["POSITION"] = json!(moves);
+    primitive["targets"] = json!(vec![json!({ "POSITION": moves }); 20_000]);
+    for file in [by_nodes, by_targets] {
+        let error = read(&file).expect_err("too many").to_string();
+        assert!(error.ends_with(expected), "{error}");
+    }
 }
 
 #[test]

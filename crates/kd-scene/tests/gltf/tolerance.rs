@@ -60,6 +60,15 @@ fn a_file_without_a_scene_is_read_whole() {
             .collect::<Vec<_>>()
     };
     assert_eq!(names(&library), names(&whole));
+    file.as_object_mut().expect("an object").remove("nodes");
+    file.as_object_mut()
+        .expect("an object")
+        .remove("animations");
+    let empty = read(&file).expect("valid");
+    assert!(
+        empty.parts.is_empty() && empty.warnings[0].code == WarningCode::NoScene,
+        "{empty:?}"
+    );
 }
 
 #[test]
