@@ -30,7 +30,9 @@ const GENERATED: [(Spd, u32, Option<u32>); 11] = [
 ];
 
 /// Extensions of mesh files, including formats that the loader refuses by name.
-const MESH_EXTENSIONS: &[&str] = &["obj", "ply", "gltf", "glb", "aff", "nff"];
+const MESH_EXTENSIONS: &[&str] = &[
+    "obj", "ply", "stl", "off", "gltf", "glb", "3mf", "aff", "nff",
+];
 
 /// A mesh, its camera and its light.
 #[derive(Debug)]

@@ -74,8 +74,8 @@ pub(crate) struct CastArgs {
     #[arg(long, value_name = "N", default_value_t = 1800, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: u32,
 
-    /// Distances between which `lidar` detects surfaces, in scene units
-    #[arg(long, value_name = "NEAR,FAR", default_value = "0,inf")]
+    /// Distances between which `lidar` detects surfaces, in scene units, from 0 on
+    #[arg(long, value_name = "NEAR,FAR", default_value = "0,inf", value_parser = distances)]
     range: Span,
 }
 
@@ -122,11 +122,23 @@ impl FromStr for Span {
 
     fn from_str(text: &str) -> anyhow::Result<Self> {
         let [low, high] = numbers(text)?;
-        if low.is_nan() || high.is_nan() || low > high || low.is_infinite() {
+        if low.is_nan() || high.is_nan() || low > high {
             bail!("`{text}`: the second number must not be less than the first");
+        }
+        if low.is_infinite() {
+            bail!("`{text}`: the first number must be finite");
         }
         Ok(Self([low, high]))
     }
+}
+
+/// A span of distances.
+fn distances(text: &str) -> anyhow::Result<Span> {
+    let span: Span = text.parse()?;
+    if span.0[0] < 0.0 {
+        bail!("`{text}`: a distance must not be negative");
+    }
+    Ok(span)
 }
 
 fn numbers<const N: usize>(text: &str) -> anyhow::Result<[f32; N]> {
@@ -155,6 +167,14 @@ pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
         "camera" | "lidar" => None,
         path => Some(read::open(Path::new(path))?),
     };
+    for input in [&arguments.rays, &arguments.scene.scene] {
+        if is_same_file(Path::new(input), &arguments.output) {
+            bail!(
+                "{}: is the input, and would be lost",
+                arguments.output.display()
+            );
+        }
+    }
     let scene = arguments.scene.load()?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
@@ -208,6 +228,12 @@ pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// Whether two paths are the same file, which exists.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    let [one, other] = [one, other].map(|path| path.canonicalize().ok());
+    one.is_some() && one == other
 }
 
 /// The answers to a batch of rays.
@@ -286,5 +312,9 @@ mod tests {
         for bad in ["2,1", "nan,1", "-inf,0", "1"] {
             assert!(bad.parse::<Span>().is_err(), "{bad}");
         }
+        assert!(
+            distances("0,1").is_ok() && distances("-1,1").is_err(),
+            "from 0 on"
+        );
     }
 }

@@ -116,6 +116,33 @@ fn rays_of_a_file_hit_what_the_library_says() {
     assert_eq!(file.into_vec::<bool>().expect("of booleans"), any);
 }
 
+/// The point that is hit is 0.5 before the origin of the second ray.
+#[test]
+fn limits_are_optional_one_by_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    std::fs::write(
+        at.join("square.obj"),
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+    )
+    .expect("written");
+    let rays =
+        "\"ox\",\"oy\",\"oz\",\"dx\",\"dy\",\"dz\",\"t_max\"\n.5,.2,5,0,0,-1,2\n.5,.2,5,0,0,-1,9\n";
+    std::fs::write(at.join("far.csv"), rays).expect("written");
+    cast(at, &["square.obj", "far.csv"]);
+    let hits = rows(&at.join("hits.csv"));
+    assert_eq!([hits[0][1], hits[1][1]], [None, Some(5.0)]);
+    let back = ".5,.2,-.5,0,0,-1,-9,0\n";
+    std::fs::write(at.join("back.csv"), back).expect("written");
+    cast(at, &["square.obj", "back.csv"]);
+    let hits = rows(&at.join("hits.csv"));
+    assert_eq!(
+        (hits[0][1], hits[0][10]),
+        (Some(-0.5), Some(-1.0)),
+        "towards the origin"
+    );
+}
+
 #[test]
 fn arrays_are_read_and_written() {
     use npyz::WriterBuilder;
@@ -242,13 +269,18 @@ fn errors_name_file_and_place() {
     let at = folder.path();
     let write = |name: &str, text: &str| std::fs::write(at.join(name), text).expect("written");
     write("short.csv", "0  0 5  0 0 -1 \n0 0 5 0 0\n");
+    write("seven.csv", "\n0,0,5,0,0,-1,7\n");
+    write("typo.csv", "0,0,5,0,0,-1x\n");
     write("bad.csv", "ox,oy,oz,dx,dy,dz\n0,0,0,1,0,0\n0,0,0,1,x,0\n");
     write("nan.csv", "0,0,0,1,nan,0\n");
     write("zero.csv", "# none\n0,0,0,0,0,0\n");
     write("names.csv", "x,y,z\n");
     write("no.npy", "text");
     for (rays, expected) in [
-        ("short.csv", "short.csv: line 2: dz is missing: 5 columns"),
+        (
+            "short.csv",
+            "short.csv: line 2: 5 values, expected 6 as in the first line",
+        ),
         ("bad.csv", "bad.csv: line 3: dy: `x`"),
         ("nan.csv", "nan.csv: line 1: dy is NaN"),
         ("zero.csv", "zero.csv: line 2: the direction is zero"),
@@ -266,6 +298,11 @@ fn errors_name_file_and_place() {
         let error = error_of(at, &["balls:1", rays]);
         assert!(error.contains(expected), "{rays}: {error}");
     }
+    let error = error_of(at, &["balls:1", "bad.csv", "-o", "./bad.csv"]);
+    assert!(
+        error.contains("bad.csv: is the input, and would be lost"),
+        "{error}"
+    );
     let error = error_of(at, &["balls:1", "camera", "-o", "hits.txt"]);
     assert!(
         error.contains("hits.txt: unknown format of hits; use .csv, .npy or .las"),

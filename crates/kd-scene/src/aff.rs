@@ -283,7 +283,7 @@ impl Reader<'_> {
             count += 1;
         }
         if count < numbers.len() {
-            let what = "a fill has fewer than eight numbers; the surface is diffuse and opaque";
+            let what = "a fill has fewer than eight numbers; the others are those of a diffuse, opaque surface";
             self.warn(tokens, WarningCode::BadMaterial, what);
         }
         let [diffuse, specular, rest @ ..] = numbers;

@@ -216,9 +216,9 @@ pub enum Deformation {
 /// Shapes that a mesh is blended with, each with a weight that changes over time (glTF 2.0, §3.7.2.2).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MorphTargets {
-    /// For each target, an offset for each vertex.
+    /// For each target, an offset for each vertex; those after the last one are zero.
     pub offsets: Vec<Vec<Vec3>>,
-    /// For each target, offsets of the normals at the corners of each triangle; empty if the target has none.
+    /// For each target, offsets of the normals at the corners of each triangle; those after the last one are zero.
     pub normals: Vec<Vec<[Vec3; 3]>>,
     /// For each target, the curve of its weight.
     pub(crate) weights: Vec<Sampled<f64>>,

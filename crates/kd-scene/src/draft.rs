@@ -52,8 +52,20 @@ impl Transform {
         self.to_node.transform_point3(at)
     }
 
+    pub(crate) fn is_mirroring(&self) -> bool {
+        self.to_node.matrix3.determinant() < 0.0
+    }
+
     pub(crate) fn vector(&self, vector: DVec3) -> DVec3 {
         self.to_node.transform_vector3(vector)
+    }
+
+    /// The change of a transformed normal that a change of the normal makes.
+    pub(crate) fn normal_offset(&self, normal: DVec3, offset: DVec3) -> Vec3 {
+        // `normal` divides by this length, so that the sum of both keeps its direction.
+        let length = (self.inverse_transpose * normal).length();
+        let length = if length > 0.0 { length } else { 1.0 };
+        (self.inverse_transpose * offset / length).as_vec3()
     }
 
     pub(crate) fn normal(&self, normal: DVec3) -> Vec3 {

@@ -26,8 +26,13 @@ pub(crate) fn files_with(path: &Path, bytes: Vec<u8>) -> impl FnMut(&Path) -> io
     }
 }
 
-/// The bytes of a file. One that does not fit into memory is an error.
+/// The bytes of a file that another one names. One that does not fit into memory is an error, and so is a device or a pipe, which may have
+/// no end.
 pub(crate) fn read_whole(path: &Path) -> io::Result<Vec<u8>> {
-    check_room(std::fs::metadata(path)?.len())?;
+    let data = std::fs::metadata(path)?;
+    if !data.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a file"));
+    }
+    check_room(data.len())?;
     std::fs::read(path)
 }

@@ -18,6 +18,7 @@ mod skins;
 use std::collections::HashMap;
 use std::io;
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
@@ -78,7 +79,6 @@ pub(crate) fn read_gltf_with(
     extensions::check(&document, &file, report)?;
     let mut reader = Reader {
         file: &file,
-        document,
         buffers: Buffers::new(path, files, blob),
         scene: SceneDescription {
             background: Vec3::new(0.45, 0.58, 0.78),
@@ -91,6 +91,9 @@ pub(crate) fn read_gltf_with(
         draft_of: HashMap::new(),
         own_parts: Vec::new(),
         node_index: HashMap::new(),
+        uses: uses_of_meshes(&document),
+        document,
+        meshes: HashMap::new(),
         looks: HashMap::new(),
         images: HashMap::new(),
         elements: 0,
@@ -121,6 +124,21 @@ fn check_version(document: &Document) -> Result<(), String> {
     }
 }
 
+/// How many nodes have each mesh.
+fn uses_of_meshes(document: &Document) -> HashMap<usize, usize> {
+    let mut uses = HashMap::new();
+    for node in document.all("/nodes") {
+        let mesh = node.get("mesh").and_then(Value::as_u64);
+        if let Some(mesh) = mesh.and_then(|mesh| usize::try_from(mesh).ok()) {
+            *uses.entry(mesh).or_insert(0) += 1;
+        }
+    }
+    uses
+}
+
+/// The primitives of a mesh, and the weights of its morph targets.
+type MeshData = (Vec<Triangles>, Option<Vec<f64>>);
+
 /// The context of a node: the nearest animated ancestor.
 #[derive(Clone, Copy, Debug)]
 struct Enclosing {
@@ -129,6 +147,8 @@ struct Enclosing {
     /// Transform from the current coordinates to those of that node, or of the scene.
     to_moving_node: DAffine3,
     is_visible: bool,
+    /// Whether the nodes from the scene on mirror an odd number of times, which reverses the order of corners (glTF 2.0, §3.7.4).
+    is_mirrored: bool,
 }
 
 /// A node that is still to be read.
@@ -151,6 +171,10 @@ struct Reader<'a> {
     own_parts: Vec<OwnPart>,
     /// Index in the scene of each node of the file.
     node_index: HashMap<usize, usize>,
+    /// The primitives of meshes that several nodes have, by index in the file.
+    meshes: HashMap<usize, Rc<MeshData>>,
+    /// How many nodes have each mesh.
+    uses: HashMap<usize, usize>,
     /// The look of each material of the file that is used; `None` is the default material.
     looks: HashMap<Option<usize>, Look>,
     /// Index in the scene of each image of the file that is used.
@@ -166,6 +190,7 @@ impl Reader<'_> {
             moving_node: None,
             to_moving_node: DAffine3::IDENTITY,
             is_visible: true,
+            is_mirrored: false,
         };
         // An explicit stack, because the depth of a file is unbounded.
         let mut pending: Vec<Pending> = self
@@ -258,16 +283,19 @@ impl Reader<'_> {
             .get("KHR_node_visibility")
             .is_some_and(hides);
         let is_visible = enclosing.is_visible && !is_hidden;
+        let is_mirrored = enclosing.is_mirrored ^ mirrors(&own);
         let enclosing = if keys.is_some() {
             Enclosing {
                 moving_node: Some(in_scene),
                 to_moving_node: DAffine3::IDENTITY,
                 is_visible,
+                is_mirrored,
             }
         } else {
             Enclosing {
                 to_moving_node: enclosing.to_moving_node * own,
                 is_visible,
+                is_mirrored,
                 ..enclosing
             }
         };
@@ -286,7 +314,7 @@ impl Reader<'_> {
                 let has_weights = motion.weights.contains_key(&number.0);
                 self.mesh(&node, number, mesh, enclosing, has_weights)?;
             }
-            self.light(&node, in_scene)?;
+            self.light(&node, in_scene, &pointer)?;
         }
         self.camera(&node, in_scene)?;
         pending.extend(node.children.iter().map(|child| Pending {
@@ -336,31 +364,42 @@ impl Reader<'_> {
         enclosing: Enclosing,
         has_animated_weights: bool,
     ) -> Result<(), LoadError> {
-        let of_file: json::Mesh = self.document.get("/meshes", mesh)?;
-        let weights = node.weights.as_ref().or(of_file.weights.as_ref());
+        let (primitives, default_weights) = &*self.primitives(mesh)?;
+        let pointer = format!("/nodes/{}", number.0);
+        let weights = node.weights.as_ref().or(default_weights.as_ref());
         let weights = weights.map_or(&[][..], Vec::as_slice);
-        let primitives = self.primitives(mesh, &of_file, weights, has_animated_weights)?;
+        let blended: Vec<Triangles>;
+        let mut primitives = primitives.as_slice();
+        if !has_animated_weights && weights.iter().any(|weight| *weight != 0.0) {
+            let blend = |primitive: &Triangles| primitive.blended(weights);
+            blended = primitives.iter().map(blend).collect();
+            primitives = &blended;
+        }
+        let elements: usize = primitives.iter().map(Triangles::elements).sum();
         if node.skin.is_some() || has_animated_weights {
-            return self.own_part(node, number, enclosing, &primitives);
+            if node.extensions.contains_key(instances::NAME) {
+                let what = "instances of a mesh that changes its shape are not read; there is one";
+                self.warn(&pointer, WarningCode::Unused, what);
+            }
+            self.count(elements, &pointer)?;
+            return self.own_part(node, number, enclosing, primitives);
         }
         let new = self.drafts.len();
         let draft = *self.draft_of.entry(enclosing.moving_node).or_insert(new);
         if draft == new {
             let moving = enclosing.moving_node;
             let name = moving.map(|moving| self.scene.nodes[moving].name.clone());
-            self.drafts
-                .push(PartDraft::new(name.unwrap_or_default(), moving, false));
+            let name = name.unwrap_or_default();
+            self.drafts.push(PartDraft::new(name, moving, false));
         }
-        let pointer = format!("/nodes/{}", number.0);
         let instances = self.instances(node, &pointer)?;
-        let elements: usize = primitives.iter().map(Triangles::elements).sum();
-        // The first one is counted where it was read.
-        let others = instances.len().saturating_sub(1);
-        self.count(others.saturating_mul(elements), &pointer)?;
+        self.count(instances.len().saturating_mul(elements), &pointer)?;
         for instance in instances {
             let transform = Transform::new(enclosing.to_moving_node * instance);
-            for primitive in &primitives {
-                primitive.add_to(&mut self.drafts[draft], &transform, self.file, self.report)?;
+            let is_mirrored = enclosing.is_mirrored ^ mirrors(&instance);
+            for primitive in primitives {
+                let draft = &mut self.drafts[draft];
+                primitive.add_to(draft, &transform, is_mirrored, self.file, self.report)?;
             }
         }
         Ok(())
@@ -439,6 +478,11 @@ impl Reader<'_> {
         lights::expose(&mut scene);
         Ok(scene)
     }
+}
+
+/// Whether a transform mirrors.
+fn mirrors(transform: &DAffine3) -> bool {
+    transform.matrix3.determinant() < 0.0
 }
 
 /// The static transform of a node to the coordinates of its parent.

@@ -97,7 +97,8 @@ impl LoadOptions {
 /// ear clipping, in file order. A file without faces is an empty mesh. [`load_mesh_with`] also returns warnings about what is
 /// left out.
 ///
-/// OBJ, PLY, STL and OFF are read piece by piece, the others in memory; no allocation relies on a count that the file only claims.
+/// OBJ, PLY, STL and OFF are read piece by piece, the others in memory; memory is bounded by the size of
+/// the file, and where it repeats its content, by 2^26 vertices and triangles more.
 ///
 /// # Errors
 ///

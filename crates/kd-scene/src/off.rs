@@ -21,7 +21,7 @@ use crate::words::{Words, integer, number};
 /// # Errors
 ///
 /// [`LoadError`] with the line: another header (binary, or of four dimensions), missing data, an invalid number, a coordinate that is not
-/// finite, an index out of range.
+/// finite, a face of fewer than three corners, an index out of range.
 pub fn read_off(reader: impl Read, name: &str) -> Result<Mesh, LoadError> {
     let mut source = Source::new(reader, None, name);
     read_off_with(&mut source, &mut Report::new(Strictness::Usual))

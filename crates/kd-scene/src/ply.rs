@@ -162,7 +162,8 @@ impl VertexHas {
         let of = |first: usize| VALUES[first..first + 3].iter().map(|name| kind_of(name));
         let full = |scalar: Scalar| match scalar {
             Scalar::F32 | Scalar::F64 => 1.0,
-            Scalar::U16 | Scalar::I16 => 65535.0,
+            Scalar::U16 => 65535.0,
+            Scalar::I16 => 32767.0,
             _ => 255.0,
         };
         Self {
@@ -305,7 +306,9 @@ fn add_strips(
     mesh: &mut FileMesh<'_>,
     report: &mut Report,
 ) -> Result<(), LoadError> {
-    for strip in corners.split(|corner| corner.written == -1) {
+    // An unsigned -1 is the largest number of 32 bits.
+    let ends_strip = |corner: &Corner| [-1, i64::from(u32::MAX)].contains(&corner.written);
+    for strip in corners.split(ends_strip) {
         for (number, corners) in strip.windows(3).enumerate() {
             let [a, b, c] = [0, 1, 2].map(|i| corners[i]);
             // A repeated corner joins two strips.

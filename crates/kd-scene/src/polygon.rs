@@ -10,31 +10,38 @@ use crate::report::{Place, Report, WarningCode};
 pub(crate) struct Triangulation {
     /// Indices of corners.
     pub(crate) triangles: Vec<[usize; 3]>,
-    /// Whether the polygon has an area, and no edge that crosses another.
-    pub(crate) is_simple: bool,
+    /// What is odd about the polygon, if anything is.
+    pub(crate) warning: Option<&'static str>,
 }
 
-/// The warning of a polygon that is not simple.
-pub(crate) const NOT_SIMPLE: &str =
-    "a polygon crosses itself or has no area; it becomes a fan of triangles";
+const NOT_SIMPLE: &str = "a polygon crosses itself or has no area; it becomes a fan of triangles";
+const TOO_LONG: &str =
+    "a concave polygon has more than 65536 corners; it becomes a fan of triangles";
+/// Ear clipping takes up to the square of the number of corners: about five seconds for so many.
+const MOST_CORNERS: usize = 1 << 16;
 
 /// Triangulates a polygon. Convex polygons become a fan from the first corner; concave polygons are triangulated by ear clipping.
 /// Polygons that cross themselves, or have no area, become a fan too.
 pub(crate) fn triangulate(corners: &[DVec3]) -> Triangulation {
     let count = corners.len();
-    let fan = |is_simple| Triangulation {
+    let fan = |warning| Triangulation {
         triangles: (2..count).map(|i| [0, i - 1, i]).collect(),
-        is_simple,
+        warning,
     };
     if count <= 3 {
-        return fan(true);
+        return fan(None);
     }
-    let normal = newell(corners).normalize_or_zero();
+    // Far from the origin, areas would cancel.
+    let corners: Vec<DVec3> = corners.iter().map(|corner| *corner - corners[0]).collect();
+    let normal = newell(&corners).normalize_or_zero();
     if normal == DVec3::ZERO {
-        return fan(false);
+        return fan(Some(NOT_SIMPLE));
     }
-    if is_convex(corners, normal) {
-        return fan(true);
+    if is_convex(&corners, normal) {
+        return fan(None);
+    }
+    if count > MOST_CORNERS {
+        return fan(Some(TOO_LONG));
     }
     let (x, y) = normal.any_orthonormal_pair();
     let flat: Vec<[f64; 2]> = corners
@@ -44,11 +51,11 @@ pub(crate) fn triangulate(corners: &[DVec3]) -> Triangulation {
     let mut found: Vec<usize> = Vec::new();
     Earcut::new().earcut(flat.iter().copied(), &[], &mut found);
     if found.len() != 3 * (count - 2) || !covers(&flat, &found) {
-        return fan(false);
+        return fan(Some(NOT_SIMPLE));
     }
     Triangulation {
         triangles: found.as_chunks::<3>().0.to_vec(),
-        is_simple: true,
+        warning: None,
     }
 }
 
@@ -64,8 +71,8 @@ pub(crate) fn triangles_of_face(
     let at = |corner: &u32| DVec3::from(positions[*corner as usize].map(f64::from));
     let points: Vec<DVec3> = corners.iter().map(at).collect();
     let polygon = triangulate(&points);
-    if !polygon.is_simple {
-        report.warn(file, place(), WarningCode::BadPolygon, NOT_SIMPLE);
+    if let Some(warning) = polygon.warning {
+        report.warn(file, place(), WarningCode::BadPolygon, warning);
     }
     polygon.triangles
 }
@@ -129,7 +136,7 @@ mod tests {
         let corners = corners.map(|(x, y)| DVec3::new(x, y, 0.5 * x));
         let fan = triangulate(&corners);
         assert_eq!(fan.triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
-        assert!(fan.is_simple);
+        assert_eq!(fan.warning, None);
     }
 
     #[test]
@@ -143,11 +150,8 @@ mod tests {
         comb.push((0.0, 2.0));
         for shape in [arrow.to_vec(), arrow.into_iter().rev().collect(), comb] {
             let corners: Vec<DVec3> = shape.iter().map(|(x, y)| DVec3::new(7.0, *x, *y)).collect();
-            let Triangulation {
-                triangles,
-                is_simple,
-            } = triangulate(&corners);
-            assert!(is_simple, "{shape:?}");
+            let Triangulation { triangles, warning } = triangulate(&corners);
+            assert_eq!(warning, None, "{shape:?}");
             let whole = 0.5 * newell(&corners).length();
             let sum = area(&corners, &triangles);
             assert!(
@@ -157,11 +161,53 @@ mod tests {
         }
     }
 
+    /// As in a map: the corners are far from the origin, and rounded to `f32`.
+    #[test]
+    fn concave_polygons_are_covered_far_from_the_origin() {
+        let shape = [
+            (0.0, 0.0),
+            (2.0, 0.0),
+            (2.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 2.0),
+            (0.0, 2.0),
+        ];
+        for (far, size) in [(400_000.0, 2.0), (50_000.0, 0.2)] {
+            let corners: Vec<DVec3> = shape
+                .iter()
+                .map(|(x, y)| DVec3::new(far + size * x, 1.5 * far + size * y, 0.3 * size * x))
+                .map(|corner| corner.as_vec3().as_dvec3())
+                .collect();
+            for turn in 0..corners.len() {
+                let mut corners = corners.clone();
+                corners.rotate_left(turn);
+                let found = triangulate(&corners);
+                assert_eq!(found.warning, None, "{far}, from corner {turn}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_long_concave_polygon_is_a_fan() {
+        let zigzag = |count: u32| -> Vec<DVec3> {
+            let corner = |i: u32| DVec3::new(f64::from(i), f64::from(i % 2), 0.0);
+            let mut corners: Vec<DVec3> = (0..count - 1).map(corner).collect();
+            corners.push(DVec3::new(f64::from(count / 2), 1e9, 0.0));
+            corners
+        };
+        assert_eq!(triangulate(&zigzag(1000)).warning, None);
+        let long = triangulate(&zigzag(70_000));
+        assert_eq!(
+            (long.warning, long.triangles.len()),
+            (Some(TOO_LONG), 69_998)
+        );
+    }
+
     #[test]
     fn polygons_without_area_become_fans() {
         let line: Vec<DVec3> = (0..5).map(|i| DVec3::splat(f64::from(i))).collect();
         let fan = triangulate(&line);
-        assert_eq!((fan.triangles.len(), fan.is_simple), (3, false));
+        assert_eq!((fan.triangles.len(), fan.warning), (3, Some(NOT_SIMPLE)));
         assert_eq!(triangulate(&line[..2]).triangles, Vec::<[usize; 3]>::new());
     }
 
@@ -184,7 +230,7 @@ mod tests {
         for shape in [bow.to_vec(), star.to_vec(), ribbon.to_vec()] {
             let corners: Vec<DVec3> = shape.iter().map(|(x, y)| DVec3::new(*x, *y, 1.0)).collect();
             let found = triangulate(&corners);
-            assert!(!found.is_simple, "{shape:?}");
+            assert_eq!(found.warning, Some(NOT_SIMPLE), "{shape:?}");
             assert_eq!(found.triangles.len(), shape.len() - 2);
         }
     }

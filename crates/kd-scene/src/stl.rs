@@ -9,6 +9,7 @@ use crate::error::quoted;
 use crate::file_mesh::{Corner, FacePlace, FileMesh};
 use crate::report::{Place, Report, Strictness, WarningCode};
 use crate::source::Source;
+use crate::text_lines::TextLines;
 use crate::words::{Words, number};
 
 /// Bytes of the header of a binary file.
@@ -172,56 +173,61 @@ fn read_text(source: &mut Source<'_>, report: &mut Report) -> Result<Mesh, LoadE
     let name = source.name;
     let mut mesh = FileMesh::new(name);
     let mut corners = Vec::new();
-    let (mut lines, mut facets) = (0, 0);
+    let mut facets = 0;
     // The line of the facet that is open.
     let mut open = None;
     let mut has_end = false;
-    while let Some((line, _)) = source.line()? {
-        lines += 1;
-        let text = source.text(line);
-        let mut words = Words::new(text);
-        let Some(keyword) = words.next() else {
-            continue;
-        };
-        let bad = |problem: &str| LoadError::BadLine {
-            file: name.to_owned(),
-            line: lines,
-            problem: format!("{problem}: {}", quoted(text)),
-        };
-        if is(keyword, b"vertex") {
-            let mut position = [0.0; 3];
-            for coordinate in &mut position {
-                *coordinate = words
-                    .next()
-                    .and_then(number)
-                    .ok_or_else(|| bad("bad vertex"))?;
-            }
-            corners.push(position);
-        } else if is(keyword, b"facet") {
-            corners.clear();
-            open = Some(lines);
-        } else if is(keyword, b"endfacet") {
-            let line = open.take().ok_or_else(|| bad("no facet is open"))?;
-            let place = FacePlace {
-                number: facets,
-                line: Some(line),
+    let mut lines = TextLines::new(0, None);
+    while lines.next(source)? {
+        // Most files have one statement a line, but a line may have several.
+        while let Some(word) = lines.word() {
+            let word = &lines.text[word];
+            let bad = |problem: &str| LoadError::BadLine {
+                file: name.to_owned(),
+                line: lines.number,
+                problem: format!("{problem}: {}", quoted(&lines.text)),
             };
-            add(&mut mesh, &corners, place, report)?;
-            facets += 1;
-        } else if is(keyword, b"solid") || is(keyword, b"endsolid") {
-            has_end = is(keyword, b"endsolid");
-        } else if !["outer", "endloop", "color"]
-            .iter()
-            .any(|known| is(keyword, known.as_bytes()))
-        {
-            let error = bad("not a statement of STL");
-            let what = "a line is no statement of STL; it is left out";
-            report.leave_out(
-                error,
-                Some(Place::Line(lines)),
-                WarningCode::BadElement,
-                what,
-            )?;
+            if is(word, b"vertex") {
+                if open.is_none() {
+                    return Err(bad("no facet is open"));
+                }
+                let position = position(&mut lines, source)?;
+                corners.push(position);
+            } else if is(word, b"facet") {
+                if open.is_some() {
+                    return Err(bad("the facet before has no `endfacet`"));
+                }
+                corners.clear();
+                open = Some(lines.number);
+            } else if is(word, b"endfacet") {
+                let line = open.take().ok_or_else(|| bad("no facet is open"))?;
+                let place = FacePlace {
+                    number: facets,
+                    line: Some(line),
+                };
+                add(&mut mesh, &corners, place, report)?;
+                facets += 1;
+            } else if is(word, b"solid") || is(word, b"endsolid") {
+                has_end = is(word, b"endsolid");
+                // A name, which may have any words.
+                break;
+            } else if is(word, b"color") {
+                break;
+            } else if is(word, b"normal") {
+                // The order of the corners says which side is outside.
+                for _ in 0..3 {
+                    lines.word();
+                }
+            } else if !["outer", "loop", "endloop"]
+                .iter()
+                .any(|known| is(word, known.as_bytes()))
+            {
+                let error = bad("not a statement of STL");
+                let what = "a line is no statement of STL; it is left out";
+                let place = Some(Place::Line(lines.number));
+                report.leave_out(error, place, WarningCode::BadElement, what)?;
+                break;
+            }
         }
     }
     if let Some(line) = open {
@@ -233,12 +239,29 @@ fn read_text(source: &mut Source<'_>, report: &mut Report) -> Result<Mesh, LoadE
     }
     if !has_end {
         let what = "the file ends without `endsolid`";
-        report.warn(
-            name,
-            Some(Place::Line(lines)),
-            WarningCode::MissingEnd,
-            what,
-        );
+        let place = Some(Place::Line(lines.number));
+        report.warn(name, place, WarningCode::MissingEnd, what);
     }
     Ok(mesh.finish(report, |_, _, _| {})?.mesh)
+}
+
+/// The coordinates that come next, which may be on another line.
+fn position(lines: &mut TextLines, source: &mut Source<'_>) -> Result<[f32; 3], LoadError> {
+    let mut position = [0.0; 3];
+    for coordinate in &mut position {
+        let word = loop {
+            match lines.word() {
+                Some(word) => break Some(word),
+                None if lines.next(source)? => {}
+                None => break None,
+            }
+        };
+        let value = word.and_then(|word| number(&lines.text[word]));
+        *coordinate = value.ok_or_else(|| LoadError::BadLine {
+            file: source.name.to_owned(),
+            line: lines.number,
+            problem: format!("bad vertex: {}", quoted(&lines.text)),
+        })?;
+    }
+    Ok(position)
 }

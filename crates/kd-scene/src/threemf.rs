@@ -1,5 +1,6 @@
 //! Reader of 3MF, the 3D manufacturing format: an archive of XML models.
 
+mod limited;
 mod model;
 
 use std::collections::HashMap;
@@ -14,6 +15,7 @@ use crate::draft::{PartDraft, SurfaceIds, Transform};
 use crate::files::read_file;
 use crate::report::{Place, Report, Strictness, WarningCode};
 use crate::{LoadError, Material, SceneDescription, Surface};
+use limited::Limited;
 use model::{Color, Item, Model, Object};
 
 /// Reads a 3MF file: the items of its build, as one static part. `files` reads the file at a path.
@@ -59,7 +61,7 @@ pub(crate) fn read_3mf_with(
     for item in reader.items(&root) {
         /// A short file may repeat an object any number of times.
         const MOST: usize = 1 << 26;
-        count = count.saturating_add(reader.count(&item, 0)?);
+        count = count.saturating_add(reader.count(&item, 1)?.elements);
         if count > MOST.saturating_add(reader.elements) {
             let problem =
                 format!("the file repeats its objects to more than {MOST} vertices and triangles");
@@ -95,7 +97,16 @@ struct Reader<'a> {
     /// The number of vertices and triangles of all objects that were read, each counted once.
     elements: usize,
     /// What [`count`](Self::count) has found for an object, by its model and its id.
-    counts: HashMap<(String, u32), usize>,
+    counts: HashMap<(String, u32), Count>,
+}
+
+/// What an object has, with all objects in it.
+#[derive(Clone, Copy)]
+struct Count {
+    /// Vertices, triangles and components.
+    elements: usize,
+    /// Objects in each other, with itself.
+    levels: usize,
 }
 
 /// The materials of a scene, one for each color.
@@ -159,7 +170,12 @@ impl Reader<'_> {
             .archive
             .by_name(path)
             .map_err(|error| broken(&file, &error))?;
-        let model = Model::read(entry, &file, self.report)?;
+        // Text of models shrinks to a tenth; a bomb to a thousandth.
+        let most = entry
+            .compressed_size()
+            .saturating_mul(100)
+            .saturating_add(1 << 28);
+        let model = Model::read(Limited::new(entry, most), &file, self.report)?;
         let elements: usize = model.objects.values().map(Object::elements).sum();
         self.elements = self.elements.saturating_add(elements);
         self.models.insert(path.to_owned(), model);
@@ -192,8 +208,8 @@ impl Reader<'_> {
         items.collect()
     }
 
-    /// The number of vertices, triangles and components of an object, and of all objects in it.
-    fn count(&mut self, item: &Item, depth: usize) -> Result<usize, LoadError> {
+    /// Counts what an object and all objects in it have.
+    fn count(&mut self, item: &Item, depth: usize) -> Result<Count, LoadError> {
         /// Files of today use few levels.
         const MAX_DEPTH: usize = 64;
         let path = item.path.clone().unwrap_or_default();
@@ -201,15 +217,29 @@ impl Reader<'_> {
             return Ok(*known);
         }
         self.load(&path)?;
-        if depth > MAX_DEPTH {
-            let problem = format!("components are nested more than {MAX_DEPTH} deep");
-            return Err(self.bad(item, problem));
-        }
         let object = self.models[&path].objects.get(&item.object);
         let object = object.ok_or_else(|| self.bad(item, "does not exist".to_owned()))?;
-        let mut count = object.elements();
-        for component in object.components_in(&path) {
-            count = count.saturating_add(1 + self.count(&component, depth + 1)?);
+        let mut count = Count {
+            elements: object.elements(),
+            levels: 1,
+        };
+        let components = object.components_in(&path);
+        for component in components {
+            // Objects in each other have no end.
+            let of_component = if depth < MAX_DEPTH {
+                self.count(&component, depth + 1)?
+            } else {
+                Count {
+                    elements: 0,
+                    levels: MAX_DEPTH,
+                }
+            };
+            count.elements = count.elements.saturating_add(1 + of_component.elements);
+            count.levels = count.levels.max(1 + of_component.levels);
+        }
+        if count.levels > MAX_DEPTH {
+            let problem = format!("components are nested more than {MAX_DEPTH} deep");
+            return Err(self.bad(item, problem));
         }
         self.counts.insert((path, item.object), count);
         Ok(count)
@@ -257,18 +287,32 @@ fn add_triangles(
     let mut vertices = Vec::with_capacity(object.positions.len());
     for (number, position) in object.positions.iter().enumerate() {
         let at = transform.position(Vec3::from(*position).as_dvec3());
-        let not_finite = || LoadError::NotFinite {
+        if at.as_vec3().is_finite() {
+            vertices.push(draft.vertex(at));
+            continue;
+        }
+        let error = LoadError::NotFinite {
             file: file.to_owned(),
             line: None,
             vertex: number,
         };
-        vertices.push(draft.vertex(at).ok_or_else(not_finite)?);
+        let place = Some(Place::Element("vertex".to_owned(), number));
+        let what = "a vertex is not finite; it is left out";
+        report.leave_out(error, place, WarningCode::NotFinite, what)?;
+        vertices.push(None);
     }
+    let is_mirrored = transform.is_mirroring();
     for (number, triangle) in object.triangles.iter().enumerate() {
         let corners = triangle
             .corners
             .map(|corner| vertices.get(corner as usize).copied());
-        let [Some(a), Some(b), Some(c)] = corners else {
+        let place = || Some(Place::Element("triangle".to_owned(), number));
+        if corners.contains(&Some(None)) {
+            let what = "a triangle uses a vertex that is not finite; it is left out";
+            report.warn(file, place(), WarningCode::NotFinite, what);
+            continue;
+        }
+        let [Some(Some(a)), Some(Some(b)), Some(Some(c))] = corners else {
             let bad = triangle
                 .corners
                 .iter()
@@ -280,12 +324,17 @@ fn add_triangles(
                 index: bad.copied().unwrap_or_default().into(),
                 vertices: vertices.len(),
             };
-            let place = Some(Place::Element("triangle".to_owned(), number));
+            let place = place();
             let what = "a triangle has an index out of range; it is left out";
             report.leave_out(error, place, WarningCode::BadIndex, what)?;
             continue;
         };
-        let colors = triangle.colors;
+        let mut colors = triangle.colors;
+        let mut corners = [a, b, c];
+        if is_mirrored {
+            corners.swap(1, 2);
+            colors.swap(1, 2);
+        }
         let is_plain = colors.iter().all(|color| *color == colors[0]);
         let ids = SurfaceIds {
             material: materials.get(if is_plain {
@@ -295,7 +344,7 @@ fn add_triangles(
             }),
             texture: Surface::NO_TEXTURE,
         };
-        draft.triangle([a, b, c], ids);
+        draft.triangle(corners, ids);
         if !is_plain {
             draft.set_colors(colors.map(|color| rgb(color.unwrap_or(Color::WHITE))));
         }

@@ -159,6 +159,11 @@ fn files_larger_than_memory_are_errors() {
             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
             "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
             "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"byteLength": 36, "uri": "a.bin"}]}"#;
+        let device = folder.file("device.gltf", &text.replace("a.bin", "/dev/zero"));
+        let error = load_mesh(&device)
+            .expect_err("a device has no end")
+            .to_string();
+        assert!(error.ends_with("`/dev/zero`: not a file"), "{error}");
         let path = folder.file("a.gltf", text);
         let error = load_mesh(&path).expect_err("a buffer of 4 TB").to_string();
         assert!(

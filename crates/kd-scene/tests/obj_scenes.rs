@@ -199,8 +199,18 @@ fn a_lenient_reader_keeps_surfaces_with_their_triangles() {
 }
 
 #[test]
+fn names_may_have_a_number_sign() {
+    let materials = "newmtl Mat #1 # red\nKd 1 0 0 # red\nnewmtl Mat #2\nKd 0 1 0\n";
+    let object = "mtllib looks.mtl\nv 0 0 0\nv 1 0 0 # x\nv 0 1 0\nusemtl Mat #2\nf 1 2 3\n";
+    let scene = read(object, materials).expect("valid");
+    let material = scene.parts[0].surface.materials[0] as usize;
+    assert_eq!(scene.materials[material].diffuse, Vec3::Y);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
 fn colors_of_vertices_are_read() {
-    let object = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0\nv 1 1 0 0 0 2\nf 1 2 3\nf 2 4 3\n";
+    let object = "v 0 0 0 1 0 0\nv 1 0 0 1 0 1 0\nv 0 1 0\nv 1 1 0 0 0 2\nf 1 2 3\nf 2 4 3\n";
     let scene = read(object, "").expect("valid");
     let expected = [[Vec3::X, Vec3::Y, Vec3::ONE], [Vec3::Y, Vec3::Z, Vec3::ONE]];
     assert_eq!(scene.parts[0].surface.colors, expected);

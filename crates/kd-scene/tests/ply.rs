@@ -138,6 +138,20 @@ fn strips_become_triangles() {
     let mesh = read(text + "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n10 0 1 2 3 3 4 -1 2 3 4\n");
     // The repeated corner keeps the order of the strip.
     assert_eq!(mesh.triangles(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+    // An unsigned -1, with counts of one and of four bytes.
+    for (count, bytes) in [("uchar", &[7][..]), ("uint", &[7, 0, 0, 0])] {
+        let head =
+            header("binary_little_endian", 3, 1).replace("element face", "element tristrips");
+        let mut file = head
+            .replace("uchar int", &format!("{count} uint"))
+            .into_bytes();
+        file.extend([0; 36]);
+        file.extend(bytes);
+        for corner in [0, 1, 2, u32::MAX, 2, 1, 0] {
+            file.extend(corner.to_le_bytes());
+        }
+        assert_eq!(read(file).triangles(), [[0, 1, 2], [2, 1, 0]], "{count}");
+    }
 }
 
 #[test]

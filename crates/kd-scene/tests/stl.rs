@@ -56,6 +56,11 @@ fn text_and_binary_agree() {
         read_stl(&bytes[..], "a.stl").expect("valid").positions(),
         CORNERS
     );
+    let one_line =
+        TEXT.replace('\n', " ")
+            .replacen("solid two triangles", "solid two triangles\n", 1);
+    let mesh = read_stl(one_line.as_bytes(), "a.stl").expect("valid");
+    assert_eq!(mesh.positions(), CORNERS, "statements on one line");
     assert!(
         read_stl(&b"solid\nendsolid"[..], "a.stl")
             .expect("empty")
@@ -75,7 +80,7 @@ fn errors_name_the_line_or_the_triangle() {
     let bytes = binary(&CORNERS, 0);
     let mut nan = CORNERS;
     nan[4][1] = f32::NAN;
-    let cases: [(&[u8], &str); 9] = [
+    let cases: [(&[u8], &str); 11] = [
         (
             b"",
             "a.stl: header: expected 84 bytes of binary STL or `solid`, found 0",
@@ -90,6 +95,16 @@ fn errors_name_the_line_or_the_triangle() {
         (
             TEXT.replace("1e0", "nan").as_bytes().to_vec().leak(),
             "a.stl: line 9: vertex 4 is not finite",
+        ),
+        (
+            TEXT.replacen(" endfacet\n", "", 1).into_bytes().leak(),
+            "a.stl: line 8: the facet before has no `endfacet`: `facet normal 0 0 1`",
+        ),
+        (
+            TEXT.replacen(" facet normal 0 0 1\n", "", 1)
+                .into_bytes()
+                .leak(),
+            "a.stl: line 3: no facet is open: `vertex 0 0 0`",
         ),
         (
             &TEXT.as_bytes()[..100],

@@ -4,7 +4,9 @@ use std::io::{Cursor, Write};
 use std::path::Path;
 
 use glam::Vec3;
-use kd_scene::{LoadError, SceneDescription, WarningCode, read_3mf};
+use kd_scene::{
+    LoadError, LoadOptions, SceneDescription, Strictness, WarningCode, load_scene_with, read_3mf,
+};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -185,6 +187,81 @@ fn errors_name_what_is_wrong() {
     assert_eq!(
         error,
         "a.3mf: header: the archive has no `3D/3dmodel.model`"
+    );
+}
+
+#[test]
+fn what_is_not_read_harms_nothing_else() {
+    let slices = r#"<slicestack id="9"><slice><vertices><vertex x="1" y="2"/></vertices></slice></slicestack>"#;
+    let colored = TRIANGLE.replace("v3=\"2\"", "v3=\"2\" pid=\"7\" p1=\"3\"");
+    let resources = format!("{slices}<object id=\"1\">{colored}</object>");
+    let scene = read(&resources, r#"<item objectid="1"/>"#).expect("valid");
+    assert_eq!(scene.parts[0].mesh.len(), 1);
+    let codes: Vec<_> = scene.warnings.iter().map(|it| it.code).collect();
+    assert_eq!(codes, [WarningCode::Unused, WarningCode::UnknownMaterial]);
+    let mirrored = format!("<object id=\"1\">{TRIANGLE}</object>");
+    let build = r#"<item objectid="1" transform="-1 0 0 0 1 0 0 0 1 0 0 0"/>"#;
+    let scene = read(&mirrored, build).expect("valid");
+    assert_eq!(scene.parts[0].mesh.triangles(), [[0, 2, 1]]);
+}
+
+#[test]
+fn names_of_models_are_decoded() {
+    let part = format!(
+        "<model {CORE}><resources><object id=\"7\">{TRIANGLE}</object></resources></model>"
+    );
+    let main = format!(
+        "<model {CORE}><build><item objectid=\"7\" path=\"/3D/a&amp;b.model\"/></build></model>"
+    );
+    let files = [("3D/3dmodel.model", main.as_str()), ("3D/a&b.model", &part)];
+    assert_eq!(
+        read_bytes(&archive(&files)).expect("valid").parts[0]
+            .mesh
+            .len(),
+        1
+    );
+}
+
+#[test]
+fn a_lenient_reader_leaves_out_damaged_triangles() {
+    let triangles = TRIANGLE.replace(
+        "</triangles>",
+        r#"<triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="1" v3="9"/></triangles>"#,
+    );
+    let triangles = triangles.replace(
+        "</vertices>",
+        r#"<vertex x="1e99" y="0" z="0"/></vertices>"#,
+    );
+    let model = format!(
+        "<model {CORE}><resources><object id=\"1\">{triangles}</object></resources><build><item objectid=\"1\"/></build></model>"
+    );
+    let path = std::env::temp_dir().join(format!("kd-{}.3mf", std::process::id()));
+    std::fs::write(&path, archive(&[("3D/3dmodel.model", &model)])).expect("a temporary file");
+    let options = LoadOptions::new().with_strictness(Strictness::Lenient);
+    let loaded = load_scene_with(&path, &options).expect("the rest is read");
+    assert_eq!(loaded.value.parts[0].mesh.len(), 1);
+    let codes: Vec<_> = loaded.warnings.iter().map(|it| it.code).collect();
+    use WarningCode::{BadIndex, NotFinite};
+    assert_eq!(codes, [NotFinite, NotFinite, BadIndex]);
+    drop(std::fs::remove_file(&path));
+}
+
+/// A chain of objects, of which the innermost is built first.
+#[test]
+fn a_long_chain_of_components_is_an_error() {
+    let mut resources = format!("<object id=\"0\">{TRIANGLE}</object>");
+    let mut build = String::new();
+    for id in 1..20_000 {
+        let inner = id - 1;
+        resources += &format!(
+            "<object id=\"{id}\"><components><component objectid=\"{inner}\"/></components></object>"
+        );
+        build += &format!("<item objectid=\"{id}\"/>");
+    }
+    let error = read(&resources, &build).expect_err("too deep").to_string();
+    assert!(
+        error.ends_with("object 64: components are nested more than 64 deep"),
+        "{error}"
     );
 }
 

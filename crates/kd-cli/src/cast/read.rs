@@ -32,17 +32,15 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Box<dyn RaySource>> {
 /// The values of a ray, in this order.
 const COLUMNS: [&str; 8] = ["ox", "oy", "oz", "dx", "dy", "dz", "t_min", "t_max"];
 
-/// The ray of six or eight values.
-fn ray(values: &[f32]) -> anyhow::Result<Ray> {
-    let mut all = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, f32::INFINITY];
-    all[..values.len()].copy_from_slice(values);
-    for (name, value) in COLUMNS.iter().zip(all) {
+/// The ray of the values of [`COLUMNS`].
+fn ray(values: [f32; 8]) -> anyhow::Result<Ray> {
+    for (name, value) in COLUMNS.iter().zip(values) {
         let may_be_infinite = name.starts_with('t');
         if value.is_nan() || (value.is_infinite() && !may_be_infinite) {
             bail!("{name} is {value}, expected a finite number");
         }
     }
-    let [ox, oy, oz, dx, dy, dz, t_min, t_max] = all;
+    let [ox, oy, oz, dx, dy, dz, t_min, t_max] = values;
     let direction = Vec3::new(dx, dy, dz);
     ensure!(direction != Vec3::ZERO, "the direction is zero");
     Ok(Ray {
@@ -52,14 +50,19 @@ fn ray(values: &[f32]) -> anyhow::Result<Ray> {
     })
 }
 
+/// The values of a ray that a file does not give.
+const DEFAULTS: [f32; 8] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, f32::INFINITY];
+
 /// Rays in lines of numbers.
 struct CsvRays<R> {
     path: PathBuf,
     reader: csv::Reader<R>,
     /// Whether blanks separate the values, one or more.
     has_blanks: bool,
-    /// The place in a line of each of the values; those of t are optional.
-    places: Vec<usize>,
+    /// The place in a line of each value; those of t may be missing.
+    places: [Option<usize>; 8],
+    /// The number of values in each line, if the columns have no names.
+    width: Option<usize>,
     record: StringRecord,
     /// Whether `record` is a ray that is not taken yet.
     is_pending: bool,
@@ -70,10 +73,9 @@ impl<R: BufRead> CsvRays<R> {
         let start = reader
             .fill_buf()
             .with_context(|| format!("{}", path.display()))?;
-        let mut lines = start.split(|byte| *byte == b'\n');
-        let line = lines
-            .find(|line| !line.starts_with(b"#"))
-            .unwrap_or_default();
+        let mut lines = start.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+        let line = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
+        let line = line.unwrap_or_default();
         let mut delimiters = [b',', b';', b'\t'].into_iter();
         let delimiter = delimiters.find(|byte| line.contains(byte)).unwrap_or(b' ');
         let reader = ReaderBuilder::new()
@@ -87,17 +89,23 @@ impl<R: BufRead> CsvRays<R> {
             path: path.to_owned(),
             reader,
             has_blanks: delimiter == b' ',
-            places: (0..6).collect(),
+            places: [None; 8],
+            width: None,
             record: StringRecord::new(),
             is_pending: false,
         };
         rays.is_pending = rays.take()?;
         let is_number = |field: &str| field.parse::<f32>().is_ok();
-        if rays.is_pending && !rays.record.iter().all(is_number) {
+        if rays.is_pending && !rays.record.iter().any(is_number) {
             rays.is_pending = false;
             rays.places = named_places(&rays.record).with_context(|| rays.place())?;
-        } else if rays.record.len() >= 8 {
-            rays.places = (0..8).collect();
+        } else if rays.is_pending {
+            let width = rays.record.len();
+            rays.width = Some(width);
+            if ![6, 8].contains(&width) {
+                bail!("{}: {width} values, expected 6 or 8", rays.place());
+            }
+            rays.places = std::array::from_fn(|place| (place < width).then_some(place));
         }
         Ok(rays)
     }
@@ -109,10 +117,12 @@ impl<R: BufRead> CsvRays<R> {
             if !read.with_context(|| format!("{}", self.path.display()))? {
                 return Ok(false);
             }
-            if self
-                .record
-                .get(0)
-                .is_some_and(|first| first.starts_with('#'))
+            let is_empty = self.record.iter().all(str::is_empty);
+            if is_empty
+                || self
+                    .record
+                    .get(0)
+                    .is_some_and(|first| first.starts_with('#'))
             {
                 continue;
             }
@@ -135,40 +145,41 @@ impl<R: BufRead> CsvRays<R> {
     }
 
     fn ray(&self) -> anyhow::Result<Ray> {
-        let mut values = [0.0; 8];
+        let found = self.record.len();
+        if let Some(width) = self.width.filter(|width| *width != found) {
+            bail!("{found} values, expected {width} as in the first line");
+        }
+        let mut values = DEFAULTS;
         for ((value, place), name) in values.iter_mut().zip(&self.places).zip(COLUMNS) {
+            let Some(place) = place else {
+                continue;
+            };
             let field = self.record.get(*place);
-            let field = field
-                .with_context(|| format!("{name} is missing: {} columns", self.record.len()))?;
+            let field = field.with_context(|| format!("{name} is missing: {found} columns"))?;
             *value = field
                 .parse()
                 .with_context(|| format!("{name}: `{field}`"))?;
         }
-        ray(&values[..self.places.len()])
+        ray(values)
     }
 }
 
 /// The places of the columns with the names of [`COLUMNS`].
-fn named_places(names: &StringRecord) -> anyhow::Result<Vec<usize>> {
+fn named_places(names: &StringRecord) -> anyhow::Result<[Option<usize>; 8]> {
+    let names: Vec<&str> = names.iter().map(|name| name.trim_matches('"')).collect();
     let place = |name: &str| {
         names
             .iter()
             .position(|other| other.eq_ignore_ascii_case(name))
     };
-    let mut places = Vec::new();
-    for name in &COLUMNS[..6] {
-        let found = place(name).with_context(|| {
-            let found: Vec<&str> = names.iter().collect();
-            format!(
-                "no column `{name}` among {}; expected {}",
-                found.join(", "),
-                COLUMNS.join(", ")
-            )
-        })?;
-        places.push(found);
-    }
-    if let [Some(near), Some(far)] = [place("t_min"), place("t_max")] {
-        places.extend([near, far]);
+    let places = COLUMNS.map(place);
+    if let Some(missing) = places[..6].iter().position(Option::is_none) {
+        bail!(
+            "no column `{}` among {}; expected {}",
+            COLUMNS[missing],
+            names.join(", "),
+            COLUMNS.join(", ")
+        );
     }
     Ok(places)
 }
@@ -218,7 +229,15 @@ impl NpyRays<()> {
                 path.display()
             );
         }
-        let rays = shape[..shape.len() - 1].iter().product();
+        let mut rays = shape[..shape.len() - 1].iter();
+        let rays = rays.try_fold(1_u64, |rays, more| rays.checked_mul(*more));
+        let rays = rays.filter(|rays| rays.checked_mul(width).is_some());
+        let rays = rays.with_context(|| {
+            format!(
+                "{}: an array of shape {shape:?} is too large",
+                path.display()
+            )
+        })?;
         let width = usize::try_from(width)?;
         let path = path.to_owned();
         let file = match file.try_data::<f32>() {
@@ -264,7 +283,7 @@ impl<I: Iterator<Item = std::io::Result<f32>>> RaySource for NpyRays<I> {
         let end = self.rays.min(self.next + most as u64);
         for number in self.next..end {
             let place = || format!("{}: row {number}", self.path.display());
-            let mut values = [0.0; 8];
+            let mut values = DEFAULTS;
             for value in &mut values[..self.width] {
                 let next = self
                     .values
@@ -273,7 +292,7 @@ impl<I: Iterator<Item = std::io::Result<f32>>> RaySource for NpyRays<I> {
                     .with_context(place)?;
                 *value = next.with_context(place)?;
             }
-            to.push(ray(&values[..self.width]).with_context(place)?);
+            to.push(ray(values).with_context(place)?);
         }
         self.next = end;
         Ok(())

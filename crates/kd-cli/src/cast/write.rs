@@ -85,7 +85,13 @@ struct Place {
 impl Place {
     fn new(mesh: &Mesh, ray: &Ray, hit: &Hit) -> Self {
         let normal = mesh.normal(hit.triangle).normalize_or_zero();
-        let is_behind = normal.dot(ray.direction) > 0.0;
+        // A hit behind the origin is seen from the other side.
+        let onwards = if hit.t < 0.0 {
+            -ray.direction
+        } else {
+            ray.direction
+        };
+        let is_behind = normal.dot(onwards) > 0.0;
         Self {
             at: mesh.surface_point(hit),
             normal: if is_behind { -normal } else { normal },

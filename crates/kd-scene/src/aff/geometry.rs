@@ -8,7 +8,7 @@ use super::motion::TIMES_DESCEND;
 use super::tokens::Tokens;
 use super::{Enclosing, Reader, narrow, transform, vector};
 use crate::draft::{PartDraft, SurfaceIds, Transform};
-use crate::polygon::{NOT_SIMPLE, triangulate};
+use crate::polygon::triangulate;
 use crate::report::WarningCode;
 use crate::tessellate::{UnitSphere, circle_directions};
 use crate::{LoadError, MorphKey, Surface};
@@ -145,8 +145,8 @@ impl Reader<'_> {
                 draft.set_normals(corners.map(|(_, normal)| normal));
             }
         }
-        if !polygon.is_simple {
-            self.warn(tokens, WarningCode::BadPolygon, NOT_SIMPLE);
+        if let Some(warning) = polygon.warning {
+            self.warn(tokens, WarningCode::BadPolygon, warning);
         }
         Ok(())
     }

@@ -170,8 +170,12 @@ pub(super) fn numbers<T: Number>(
                 .map_err(bad)?
         }
         None => {
-            // Zeros take no bytes, so a short file could declare any number of them.
+            // Zeros take no bytes, so a short file could declare any number of them: few are free, and more where the buffers that
+            // were read have as many bytes.
             const FREE: usize = 1 << 12;
+            if let Some(sparse) = &accessor.sparse {
+                buffers.view(document, sparse.values.buffer_view)?;
+            }
             if count > FREE.max(buffers.bytes()) {
                 return Err(bad(format!("has no bufferView for its {count} values")));
             }

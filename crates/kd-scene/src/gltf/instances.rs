@@ -6,6 +6,9 @@ use super::json::{Attributes, Node};
 use super::{Reader, rotation};
 use crate::LoadError;
 
+/// The name of the extension.
+pub(super) const NAME: &str = "EXT_mesh_gpu_instancing";
+
 impl Reader<'_> {
     /// The transform of each instance to the coordinates of the node: the identity alone without the extension.
     pub(super) fn instances(
@@ -13,7 +16,6 @@ impl Reader<'_> {
         node: &Node,
         pointer: &str,
     ) -> Result<Vec<DAffine3>, LoadError> {
-        const NAME: &str = "EXT_mesh_gpu_instancing";
         let Some(attributes) = node
             .extensions
             .get(NAME)

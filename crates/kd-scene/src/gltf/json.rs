@@ -294,7 +294,14 @@ impl Document {
     /// A description of the fault.
     pub(super) fn parse(text: &[u8], file: &str) -> Result<Self, String> {
         let text = text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(text);
-        let root: Value = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+        // Some exporters pad the text of a binary file with zeros, not with blanks.
+        let end = text
+            .iter()
+            .rposition(|byte| *byte != 0)
+            .map_or(0, |last| last + 1);
+        let mut root: Value =
+            serde_json::from_slice(&text[..end]).map_err(|error| error.to_string())?;
+        remove_nulls(&mut root);
         if !root.is_object() {
             return Err("expected a JSON object".to_owned());
         }
@@ -368,6 +375,18 @@ impl Document {
     }
 }
 
+/// Removes members without a value: they are as if they were not there. The depth of a parsed text is limited.
+fn remove_nulls(value: &mut Value) {
+    match value {
+        Value::Object(members) => {
+            members.retain(|_, member| !member.is_null());
+            members.values_mut().for_each(remove_nulls);
+        }
+        Value::Array(elements) => elements.iter_mut().for_each(remove_nulls),
+        _ => {}
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -378,7 +397,9 @@ mod tests {
 
     #[test]
     fn whole_numbers_may_have_a_point() {
-        let document = document("\u{feff}{\"views\": [{\"buffer\": 1, \"byteOffset\": 3.0}]}");
+        let document = document(
+            "\u{feff}{\"views\": [{\"buffer\": 1, \"byteOffset\": 3.0, \"byteLength\": null}]}\0\0",
+        );
         let view: BufferView = document.get("/views", Whole(0)).expect("valid");
         assert_eq!((view.buffer, view.byte_offset), (Whole(1), Whole(3)));
         assert_eq!(view.byte_length, Whole(0), "the default");

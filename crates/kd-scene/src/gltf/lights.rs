@@ -1,5 +1,7 @@
 //! The lights of a glTF file (`KHR_lights_punctual`).
 
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
+
 use glam::Vec3;
 use kd_core::Aabb;
 
@@ -10,22 +12,27 @@ use crate::{Light, LightKind, LoadError, SceneDescription};
 
 impl Reader<'_> {
     /// Adds the light of a node, which is `number` in the scene.
-    pub(super) fn light(&mut self, node: &Node, number: usize) -> Result<(), LoadError> {
+    pub(super) fn light(
+        &mut self,
+        node: &Node,
+        number: usize,
+        pointer: &str,
+    ) -> Result<(), LoadError> {
         const LIGHTS: &str = "/extensions/KHR_lights_punctual/lights";
-        let Some(of_node) = node.extensions.get("KHR_lights_punctual") else {
+        let of_node = node.extensions.get("KHR_lights_punctual");
+        let Some(index) = of_node.and_then(|of_node| of_node.get("light")) else {
             return Ok(());
         };
-        let Some(index) = of_node.get("light").and_then(serde_json::Value::as_u64) else {
-            return Ok(());
-        };
-        let index = Whole(usize::try_from(index).unwrap_or(usize::MAX));
+        let pointer = format!("{pointer}/extensions/KHR_lights_punctual/light");
+        let index: Whole = self.document.read(index, &pointer)?;
         let light: json::Light = self.document.get(LIGHTS, index)?;
         let kind = match light.r#type.as_str() {
             "point" => LightKind::Point,
             "directional" => LightKind::Directional,
             "spot" => {
                 let spot = light.spot.unwrap_or_default();
-                let outer = spot.outer_cone_angle.unwrap_or(std::f32::consts::FRAC_PI_4);
+                let outer = spot.outer_cone_angle.unwrap_or(FRAC_PI_4);
+                let outer = outer.clamp(0.0, FRAC_PI_2);
                 LightKind::Spot {
                     inner: spot.inner_cone_angle.clamp(0.0, outer),
                     outer,
@@ -38,11 +45,15 @@ impl Reader<'_> {
                 return Ok(());
             }
         };
+        // Far beyond any light, and finite when all are summed.
+        const BRIGHTEST: f32 = 1e15;
         let color = Vec3::from(light.color.unwrap_or([1.0; 3]));
+        let color = color.clamp(Vec3::ZERO, Vec3::splat(BRIGHTEST));
+        let intensity = light.intensity.unwrap_or(1.0).clamp(0.0, BRIGHTEST);
         self.scene.lights.push(Light {
             kind,
             node: Some(number),
-            ..Light::point(Vec3::ZERO, color * light.intensity.unwrap_or(1.0).max(0.0))
+            ..Light::point(Vec3::ZERO, color * intensity)
         });
         Ok(())
     }

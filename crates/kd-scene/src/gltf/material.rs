@@ -102,6 +102,8 @@ impl Reader<'_> {
             converted = Material {
                 ambient: Vec3::new(r, g, b),
                 diffuse: Vec3::ZERO,
+                transmittance: converted.transmittance,
+                refraction: converted.refraction,
                 ..Material::default()
             };
         }

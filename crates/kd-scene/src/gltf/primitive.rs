@@ -1,16 +1,19 @@
 //! The triangles of a primitive, and their surface.
 
+use std::rc::Rc;
+
 use glam::{DVec3, Vec3};
 
-use super::Reader;
 use super::json::{Attributes, Mesh, Primitive, Whole};
 use super::material::Look;
+use super::{MeshData, Reader};
 use crate::LoadError;
 use crate::Surface;
 use crate::draft::{PartDraft, SurfaceIds, Transform};
 use crate::report::{Place, Report, WarningCode};
 
 /// The vertices and the triangles of a primitive, in the coordinates of its mesh.
+#[derive(Clone)]
 pub(super) struct Triangles {
     /// Where the primitive is in the file.
     pointer: String,
@@ -18,16 +21,17 @@ pub(super) struct Triangles {
     /// Corners, all of which exist.
     triangles: Vec<[u32; 3]>,
     look: Look,
-    normals: Option<Vec<[f32; 3]>>,
+    pub(super) normals: Option<Vec<[f32; 3]>>,
     uvs: Option<Vec<[f32; 2]>>,
     colors: Option<Vec<Vec3>>,
-    /// The morph targets; empty if their weights do not change, as they are added to the positions then.
+    /// The morph targets.
     pub(super) targets: Vec<Offsets>,
     /// The joints of each vertex and their weights; empty without any.
     pub(super) influences: Vec<[(u16, f32); 4]>,
 }
 
 /// The offsets of a morph target, for each vertex.
+#[derive(Clone)]
 pub(super) struct Offsets {
     pub(super) positions: Option<Vec<[f32; 3]>>,
     pub(super) normals: Option<Vec<[f32; 3]>>,
@@ -39,26 +43,17 @@ const READ: [&str; 7] = [
 ];
 
 impl Reader<'_> {
-    /// The triangles of all primitives of a mesh. `weights` are those of the morph targets; targets are kept apart if their weights
-    /// change over time.
-    pub(super) fn primitives(
-        &mut self,
-        number: Whole,
-        mesh: &Mesh,
-        weights: &[f64],
-        are_weights_animated: bool,
-    ) -> Result<Vec<Triangles>, LoadError> {
+    /// The triangles of all primitives of a mesh. Those of a mesh that several nodes have are kept.
+    pub(super) fn primitives(&mut self, number: Whole) -> Result<Rc<MeshData>, LoadError> {
+        if let Some(known) = self.meshes.get(&number.0) {
+            return Ok(Rc::clone(known));
+        }
+        let mesh: Mesh = self.document.get("/meshes", number)?;
         let mut all = Vec::new();
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let pointer = format!("/meshes/{}/primitives/{index}", number.0);
             match self.primitive(primitive, &pointer) {
-                Ok(None) => {}
-                Ok(Some(mut read)) => {
-                    if !are_weights_animated {
-                        read.blend(weights);
-                    }
-                    all.push(read);
-                }
+                Ok(read) => all.extend(read),
                 Err(error) => {
                     let what = format!("a primitive cannot be read; it is left out ({error})");
                     let place = Some(Place::Pointer(pointer));
@@ -67,7 +62,11 @@ impl Reader<'_> {
                 }
             }
         }
-        Ok(all)
+        let read = Rc::new((all, mesh.weights));
+        if self.uses.get(&number.0).is_some_and(|uses| *uses > 1) {
+            self.meshes.insert(number.0, Rc::clone(&read));
+        }
+        Ok(read)
     }
 
     /// `None` for points, lines and primitives without positions.
@@ -96,12 +95,7 @@ impl Reader<'_> {
             return Ok(None);
         };
         let of_targets = count.saturating_mul(primitive.targets.len());
-        self.count(
-            count
-                .saturating_add(of_targets)
-                .saturating_add(triangles.len()),
-            pointer,
-        )?;
+        self.count(count.saturating_add(of_targets), pointer)?;
         let look = self.look(primitive.material);
         let mut read = Triangles {
             pointer: pointer.to_owned(),
@@ -125,14 +119,32 @@ impl Reader<'_> {
         }
         for (target, attributes) in primitive.targets.iter().enumerate() {
             let pointer = format!("{pointer}/targets/{target}");
-            read.targets.push(Offsets {
-                positions: self.of_vertices::<3>(attributes, "POSITION", false, count, &pointer)?,
-                normals: self.of_vertices::<3>(attributes, "NORMAL", false, count, &pointer)?,
-            });
+            let mut positions =
+                self.of_vertices::<3>(attributes, "POSITION", false, count, &pointer)?;
+            let normals = self.of_vertices::<3>(attributes, "NORMAL", false, count, &pointer)?;
+            self.check_offsets(positions.as_deref_mut().unwrap_or_default(), &pointer)?;
+            read.targets.push(Offsets { positions, normals });
         }
         read.influences = self.influences(attributes, count, pointer)?;
         self.warn_of_others(attributes, pointer);
         Ok(Some(read))
+    }
+
+    /// Refuses offsets of a morph target that are not finite; a lenient reader replaces them by none.
+    fn check_offsets(&mut self, offsets: &mut [[f32; 3]], pointer: &str) -> Result<(), LoadError> {
+        for (number, offset) in offsets.iter_mut().enumerate() {
+            if offset.iter().all(|coordinate| coordinate.is_finite()) {
+                continue;
+            }
+            let problem = format!("the offset of vertex {number} is not finite");
+            let error = self.document.bad_value(pointer, problem);
+            let what = "an offset of a morph target is not finite; it is left out";
+            let place = Some(Place::Pointer(pointer.to_owned()));
+            self.report
+                .leave_out(error, place, WarningCode::NotFinite, what)?;
+            *offset = [0.0; 3];
+        }
+        Ok(())
     }
 
     /// Whether an accessor has values of its own.
@@ -226,12 +238,13 @@ impl Reader<'_> {
     /// The values, if there are enough of them.
     fn of_count<T>(
         &mut self,
-        values: Vec<T>,
+        mut values: Vec<T>,
         name: &str,
         count: usize,
         pointer: &str,
     ) -> Option<Vec<T>> {
         if values.len() >= count {
+            values.truncate(count);
             return Some(values);
         }
         let what = format!(
@@ -320,29 +333,32 @@ impl Triangles {
         self.positions.len() + self.triangles.len()
     }
 
-    /// Adds the morph targets, each with its weight, to positions and normals.
-    fn blend(&mut self, weights: &[f64]) {
+    /// The same with the morph targets, each with its weight, added to positions and normals.
+    pub(super) fn blended(&self, weights: &[f64]) -> Self {
         let add = |to: &mut [[f32; 3]], offsets: &[[f32; 3]], weight: f64| {
             for (to, offset) in to.iter_mut().zip(offsets) {
                 let [at, offset] = [*to, *offset].map(|it| Vec3::from(it).as_dvec3());
                 *to = (at + weight * offset).as_vec3().to_array();
             }
         };
-        for (target, weight) in self.targets.drain(..).zip(weights) {
+        let mut blended = self.clone();
+        for (target, weight) in self.targets.iter().zip(weights) {
             if let Some(offsets) = &target.positions {
-                add(&mut self.positions, offsets, *weight);
+                add(&mut blended.positions, offsets, *weight);
             }
-            if let (Some(normals), Some(offsets)) = (&mut self.normals, &target.normals) {
+            if let (Some(normals), Some(offsets)) = (&mut blended.normals, &target.normals) {
                 add(normals, offsets, *weight);
             }
         }
+        blended
     }
 
-    /// Adds the triangles to a part, and returns the indices there of all vertices.
+    /// Adds the triangles to a part, and returns the indices there of all vertices. Mirrored ones have the reverse order of corners.
     pub(super) fn add_to(
         &self,
         draft: &mut PartDraft,
         transform: &Transform,
+        is_mirrored: bool,
         file: &str,
         report: &mut Report,
     ) -> Result<Vec<u32>, LoadError> {
@@ -383,7 +399,8 @@ impl Triangles {
             },
         };
         for corners in &self.triangles {
-            let at = corners.map(|corner| corner as usize);
+            let [a, b, c] = corners.map(|corner| corner as usize);
+            let at = if is_mirrored { [a, c, b] } else { [a, b, c] };
             if !not_finite.is_empty()
                 && at
                     .iter()

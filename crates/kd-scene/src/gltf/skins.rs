@@ -44,18 +44,30 @@ impl Reader<'_> {
         let mut influences = Vec::new();
         for primitive in primitives {
             let before = draft.triangles().len();
-            let vertices = primitive.add_to(&mut draft, &transform, self.file, self.report)?;
+            let is_mirrored = enclosing.is_mirrored && node.skin.is_none();
+            let (file, report) = (self.file, &mut *self.report);
+            let vertices = primitive.add_to(&mut draft, &transform, is_mirrored, file, report)?;
+            let first = vertices.first().copied().unwrap_or(0);
+            let end = first as usize + vertices.len();
             influences.extend_from_slice(&primitive.influences);
-            influences.resize(
-                influences.len() - primitive.influences.len() + vertices.len(),
-                [(0, 0.0); 4],
-            );
+            influences.resize(end, [(0, 0.0); 4]);
             for (number, (offsets, normals)) in offsets.iter_mut().zip(&mut normals).enumerate() {
-                let target = primitive.targets.get(number);
-                let first = vertices.first().copied().unwrap_or(0);
-                let added = &draft.triangles()[before..];
-                add_offsets(target, &transform, vertices.len(), offsets);
-                add_normals(target, &transform, added, first, normals);
+                let Some(target) = primitive.targets.get(number) else {
+                    continue;
+                };
+                let triangles = &draft.triangles()[before..];
+                add_offsets(target, &transform, first as usize, offsets);
+                if let (Some(base), Some(of_target)) = (&primitive.normals, &target.normals) {
+                    let corners = triangles
+                        .iter()
+                        .map(|corners| corners.map(|it| (it - first) as usize));
+                    let offset = |corner: usize| {
+                        let [base, offset] = [base[corner], of_target[corner]];
+                        transform.normal_offset(vector(base), vector(offset))
+                    };
+                    normals.resize(before, [Vec3::ZERO; 3]);
+                    normals.extend(corners.map(|corners| corners.map(offset)));
+                }
             }
         }
         let part = draft.finish().map_err(|source| LoadError::Mesh {
@@ -119,6 +131,9 @@ impl Reader<'_> {
             let problem = format!("a vertex has the joint {last}, there are {}", joints.len());
             return Err(bad(problem));
         }
+        // Each node of a skin has a copy of its own, which takes about as much as eight vertices.
+        let copied = skin.joints.len().saturating_mul(8);
+        self.count(copied, &format!("{SKINS}/{}", number.0))?;
         let matrices = skin
             .inverse_bind_matrices
             .map(|matrices| self.numbers::<16>(matrices, false));
@@ -135,35 +150,15 @@ impl Reader<'_> {
     }
 }
 
-/// Adds the offsets of `count` vertices in a target, zeros if it has none.
-fn add_offsets(target: Option<&Offsets>, transform: &Transform, count: usize, to: &mut Vec<Vec3>) {
-    let end = to.len() + count;
-    if let Some(offsets) = target.and_then(|target| target.positions.as_ref()) {
-        let offsets = offsets
-            .iter()
-            .take(count)
-            .map(|offset| Vec3::from(*offset).as_dvec3());
-        to.extend(offsets.map(|offset| transform.vector(offset).as_vec3()));
+/// Adds the offsets of the vertices from `first` on in a target, if it has any.
+fn add_offsets(target: &Offsets, transform: &Transform, first: usize, to: &mut Vec<Vec3>) {
+    if let Some(offsets) = &target.positions {
+        to.resize(first, Vec3::ZERO);
+        let moved = |offset: &[f32; 3]| transform.vector(vector(*offset)).as_vec3();
+        to.extend(offsets.iter().map(moved));
     }
-    to.resize(end, Vec3::ZERO);
 }
 
-/// Adds the offsets of the normals of triangles in a target, zeros if it has none. Vertices of the primitive begin at `first`.
-fn add_normals(
-    target: Option<&Offsets>,
-    transform: &Transform,
-    triangles: &[[u32; 3]],
-    first: u32,
-    to: &mut Vec<[Vec3; 3]>,
-) {
-    let offsets = target.and_then(|target| target.normals.as_ref());
-    to.extend(triangles.iter().map(|corners| {
-        corners.map(|corner| match offsets {
-            Some(offsets) => {
-                let offset = DVec3::from(offsets[(corner - first) as usize].map(f64::from));
-                transform.vector(offset).as_vec3()
-            }
-            None => Vec3::ZERO,
-        })
-    }));
+fn vector(numbers: [f32; 3]) -> DVec3 {
+    DVec3::from(numbers.map(f64::from))
 }

@@ -2,7 +2,6 @@
 
 use crate::LoadError;
 use crate::source::Source;
-#[cfg(feature = "scenes")]
 use crate::words::Words;
 
 /// The statements of a file: lines without comments, with continued lines joined.
@@ -57,18 +56,27 @@ impl<'s, 'a> Statements<'s, 'a> {
     }
 }
 
+/// Keywords before a name, which may have a `#` in it, as `Mat #1` of 3ds Max.
+const NAMED: [&[u8]; 6] = [b"g", b"map_Kd", b"mtllib", b"newmtl", b"o", b"usemtl"];
+
 /// How many bytes of a line are its statement, and whether it continues on the next line.
 #[inline]
 fn statement(line: &[u8]) -> (usize, bool) {
     let text = match memchr::memchr(b'#', line) {
-        Some(comment) => &line[..comment],
-        None => line,
+        Some(comment) if !is_in_name(line) => &line[..comment],
+        _ => line,
     };
     let text = text.trim_ascii_end();
     match text.strip_suffix(b"\\") {
         Some(broken) => (broken.len(), true),
         None => (text.len(), false),
     }
+}
+
+/// Whether a `#` of a line is part of a name.
+fn is_in_name(line: &[u8]) -> bool {
+    let first = Words::new(line).next();
+    first.is_some_and(|first| NAMED.contains(&first))
 }
 
 /// The text of a statement after its first word.

@@ -12,8 +12,8 @@ pub(super) struct BinaryRows<'e> {
     is_big_endian: bool,
     /// Where the values are that are used, and how long a vertex is, if that is the same in all vertices.
     fixed: Option<(Vec<Place>, usize)>,
-    /// Whether a face is a list of 32-bit indices with a count of one byte, in little endian, and nothing else.
-    is_plain_list: bool,
+    /// The type of indices, if a face is a list of 32-bit indices with a count of one byte, in little endian, and nothing else.
+    plain_list: Option<Scalar>,
 }
 
 /// Where a value is in a vertex.
@@ -35,25 +35,21 @@ enum Lack {
 impl<'e> BinaryRows<'e> {
     pub(super) fn new(element: &'e Element, encoding: Encoding) -> Self {
         let is_big_endian = encoding == Encoding::BigEndian;
-        let plain = [
-            Kind::List {
-                count: Scalar::U8,
-                item: Scalar::I32,
+        let plain_list = match element.properties.as_slice() {
+            [only] if !is_big_endian => match only.kind {
+                Kind::List {
+                    count: Scalar::U8,
+                    item,
+                } if item.size() == 4 && item.is_integer() => Some(item),
+                _ => None,
             },
-            Kind::List {
-                count: Scalar::U8,
-                item: Scalar::U32,
-            },
-        ];
-        let is_plain_list = match element.properties.as_slice() {
-            [only] => plain.contains(&only.kind) && !is_big_endian,
-            _ => false,
+            _ => None,
         };
         Self {
             element,
             is_big_endian,
             fixed: places_of(element),
-            is_plain_list,
+            plain_list,
         }
     }
 
@@ -105,15 +101,20 @@ impl<'e> BinaryRows<'e> {
             }
             return Ok(*size);
         }
-        if self.is_plain_list
+        if let Some(scalar) = self.plain_list
             && let [count, items @ ..] = bytes
         {
             let length = 4 * usize::from(*count);
             let items = items.get(..length).ok_or(Lack::Bytes(1 + length))?;
             row.corners.clear();
             let items = items.as_chunks::<4>().0.iter();
-            row.corners
-                .extend(items.map(|item| Corner::from_zero(i32::from_le_bytes(*item).into())));
+            if scalar == Scalar::U32 {
+                let index = |item: &[u8; 4]| Corner::from_zero(u32::from_le_bytes(*item).into());
+                row.corners.extend(items.map(index));
+            } else {
+                let index = |item: &[u8; 4]| Corner::from_zero(i32::from_le_bytes(*item).into());
+                row.corners.extend(items.map(index));
+            }
             return Ok(1 + length);
         }
         self.parse_any(bytes, row)

@@ -1,14 +1,15 @@
 //! The XML of a model in a 3MF archive (3MF Core Specification, §3 to §5).
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{BufReader, Read};
 
 use glam::{DAffine3, DMat3, DVec3};
-use quick_xml::Reader as XmlReader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader as XmlReader, XmlVersion};
 
 use crate::LoadError;
-use crate::report::{Report, WarningCode};
+use crate::report::{Place, Report, WarningCode};
 
 /// A model: objects by their ids, and what is built of them.
 #[derive(Debug, Default)]
@@ -106,12 +107,18 @@ impl Model {
         };
         let mut buffer = Vec::new();
         let mut has_model = false;
+        // How many elements are open that nothing is read of.
+        let mut skipped = 0_usize;
         loop {
             buffer.clear();
             match xml.read_event_into(&mut buffer) {
+                Ok(Event::Start(_)) if skipped > 0 => skipped += 1,
+                Ok(Event::End(_)) if skipped > 0 => skipped -= 1,
+                Ok(Event::Empty(_)) if skipped > 0 => {}
                 Ok(Event::Start(element)) => {
                     has_model |= element.local_name().as_ref() == "model";
                     parser.start(&element)?;
+                    skipped = usize::from(UNUSED.contains(&element.local_name().as_ref()));
                 }
                 Ok(Event::Empty(element)) => {
                     parser.start(&element)?;
@@ -195,6 +202,11 @@ impl Parser<'_> {
                     .get("displaycolor")
                     .or_else(|| attributes.get("color"));
                 let color = text.as_deref().and_then(Color::of);
+                if color.is_none() {
+                    let what = "a color is not of the form #RRGGBB; it is light gray";
+                    self.report
+                        .warn(self.file, None, WarningCode::BadMaterial, what);
+                }
                 self.colors.entry(self.group).or_default().push(color);
             }
             "object" => {
@@ -279,21 +291,30 @@ impl Parser<'_> {
         for (corner, name) in corners.iter_mut().zip(["v1", "v2", "v3"]) {
             *corner = self.number(attributes, name, "triangle", number)?;
         }
-        let color = |group: u32, index: u32| {
-            let colors = self.colors.get(&group)?;
-            colors.get(index as usize).copied().flatten()
+        let mut is_lost = false;
+        let mut color = |group: u32, index: u32| {
+            let colors = self.colors.get(&group);
+            let found = colors.and_then(|colors| colors.get(index as usize));
+            is_lost |= found.is_none();
+            found.copied().flatten()
         };
-        let of_object = open.color.and_then(|(group, index)| color(group, index));
         let group = attributes
             .parse("pid")
             .or(open.color.map(|(group, _)| group));
         let first: Option<u32> = attributes.parse("p1");
-        let colors = match group.zip(first) {
-            Some((group, first)) => {
+        let colors = match (group.zip(first), open.color) {
+            (Some((group, first)), _) => {
                 ["p1", "p2", "p3"].map(|name| color(group, attributes.parse(name).unwrap_or(first)))
             }
-            None => [of_object; 3],
+            (None, Some((group, index))) => [color(group, index); 3],
+            (None, None) => [None; 3],
         };
+        if is_lost {
+            let what = "a triangle names a color that is not there; it is light gray";
+            let place = Some(Place::Element("triangle".to_owned(), number));
+            self.report
+                .warn(self.file, place, WarningCode::UnknownMaterial, what);
+        }
         if let Some(open) = &mut self.object {
             open.object.triangles.push(Triangle { corners, colors });
         }
@@ -369,7 +390,10 @@ impl Attributes<'_> {
         let mut all = self.0.attributes();
         let mut all = all.with_checks(false).flatten();
         let found = all.find(|attribute| is_it(attribute.key.as_ref()))?;
-        Some(found.value.into_owned())
+        let text = found
+            .normalized_value(XmlVersion::Implicit1_0)
+            .map(Cow::into_owned);
+        Some(text.unwrap_or_else(|_| found.value.into_owned()))
     }
 
     fn parse<T: std::str::FromStr>(&self, name: &str) -> Option<T> {

@@ -64,6 +64,29 @@ fn instances_are_placed() {
     );
 }
 
+/// A mirror reverses the order of corners, two of them do not (glTF 2.0, §3.7.4).
+#[test]
+fn mirrored_triangles_face_the_same_side() {
+    for (outer, inner, corners) in [(1, 1, [0, 1, 2]), (-1, 1, [0, 2, 1]), (-1, -2, [0, 1, 2])] {
+        let node = json!({ "scale": [1, outer, 1], "children": [1] });
+        let rest = json!({ "nodes": [{ "mesh": 1 }, { "mesh": 0, "scale": [inner, 1, 1] }] });
+        let mut file = triangle(File::default(), json!({}), json!({}), rest);
+        file["nodes"][0] = node;
+        let scene = read(&file).expect("valid");
+        assert_eq!(
+            scene.parts[0].mesh.triangles(),
+            [corners],
+            "{outer} {inner}"
+        );
+    }
+    let mut file = File::default();
+    let scales = file.floats("VEC3", 3, &[1.0, 1.0, 1.0, 1.0, 1.0, -1.0]);
+    let of = json!({ "attributes": { "SCALE": scales } });
+    let node = json!({ "extensions": { "EXT_mesh_gpu_instancing": of } });
+    let scene = read(&triangle(file, node, json!({}), json!({}))).expect("valid");
+    assert_eq!(scene.parts[0].mesh.triangles(), [[0, 1, 2], [3, 5, 4]]);
+}
+
 #[test]
 fn a_short_file_cannot_have_any_number_of_triangles() {
     let mut file = File::default();
@@ -123,6 +146,7 @@ fn lights_follow_their_nodes() {
         { "type": "directional" },
         { "type": "spot", "intensity": 0, "spot": { "innerConeAngle": 0.25, "outerConeAngle": 0.5 } },
         { "type": "area" },
+        { "type": "spot", "intensity": 0, "spot": { "outerConeAngle": -1 } },
     ]);
     let with = |light: u32| json!({ "KHR_lights_punctual": { "light": light } });
     let rest = json!({
@@ -131,8 +155,9 @@ fn lights_follow_their_nodes() {
             { "extensions": with(1), "rotation": [-1, 0, 0, 1] },
             { "extensions": with(2) },
             { "extensions": with(3) },
+            { "extensions": { "KHR_lights_punctual": { "light": 4.0 } } },
         ],
-        "scenes": [{ "nodes": [0, 1, 2, 3] }],
+        "scenes": [{ "nodes": [0, 1, 2, 3, 4] }],
         "extensions": { "KHR_lights_punctual": { "lights": lights } },
     });
     let scene = read(&triangle(File::default(), json!({}), json!({}), rest)).expect("valid");
@@ -141,7 +166,14 @@ fn lights_follow_their_nodes() {
         inner: 0.25,
         outer: 0.5,
     };
-    assert_eq!(kinds, [LightKind::Point, LightKind::Directional, spot]);
+    let closed = LightKind::Spot {
+        inner: 0.0,
+        outer: 0.0,
+    };
+    assert_eq!(
+        kinds,
+        [LightKind::Point, LightKind::Directional, spot, closed]
+    );
     let nodes = scene.placed_nodes(0.0);
     assert_eq!(
         scene.lights[0].placed(0.0, &nodes).0,
@@ -227,6 +259,9 @@ fn materials_have_what_their_extensions_say() {
     let factor = json!({ "baseColorFactor": [1, 1, 1, 0.25] });
     let clear = material(json!({ "pbrMetallicRoughness": factor.clone(), "alphaMode": "BLEND" }));
     assert_eq!(clear.transmittance, 0.75);
+    let unlit = json!({ "KHR_materials_unlit": {} });
+    let unlit = json!({ "pbrMetallicRoughness": factor.clone(), "alphaMode": "BLEND", "extensions": unlit });
+    assert_eq!(material(unlit).transmittance, 0.75, "also without light");
     let opaque = material(json!({ "pbrMetallicRoughness": factor }));
     assert_eq!(opaque.transmittance, 0.0, "OPAQUE ignores alpha");
 }

@@ -95,3 +95,41 @@ fn animated_weights_deform_the_part() {
         "a/scene.gltf: /animations/0/samplers/0: has 2 key times, but 3 values"
     );
 }
+
+/// A node that scales makes normals shorter and offsets of positions longer; normals keep their direction.
+#[test]
+fn normals_of_targets_do_not_depend_on_scale() {
+    for scale in [0.01, 1.0, 100.0] {
+        let (mut file, primitive) = with_targets(File::default());
+        let times = file.floats("SCALAR", 1, &[0.0, 1.0]);
+        let weights = file.floats("SCALAR", 1, &[0.0, 0.0, 0.0, 1.0]);
+        let moves = file.floats("VEC3", 3, &[0.0; 3]);
+        let file = file.finish(json!({
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [{ "mesh": 0, "scale": [scale, scale, scale], "extensions": {
+                "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": moves } }
+            } }],
+            "meshes": [{ "primitives": [primitive] }],
+            "animations": [{
+                "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
+                "samplers": [{ "input": times, "output": weights }],
+            }],
+        }));
+        let scene = read(&file).expect("valid");
+        let nodes = scene.placed_nodes(1.0);
+        let normals = scene.parts[0]
+            .deformed_normals(1.0, &nodes)
+            .expect("a deforming part");
+        let expected = Vec3::new(1.0, 0.0, 1.0);
+        assert!(
+            normals[0][0].distance(expected) < 1e-5,
+            "{scale}: {}",
+            normals[0][0]
+        );
+        let warning = scene.warnings[0].to_string();
+        assert!(
+            warning.contains("instances of a mesh that changes its shape"),
+            "{warning}"
+        );
+    }
+}
