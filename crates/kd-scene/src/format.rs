@@ -37,7 +37,14 @@ impl Format {
         if stl::is_binary(source)? || stl::is_text(source)? {
             return Ok(Some(Self::Stl));
         }
+        let name = source.name;
         let head = source.at_least(HEAD)?;
+        if head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff") {
+            return Err(LoadError::BadHeader {
+                file: name.to_owned(),
+                problem: "the text is UTF-16, which is not supported; expected UTF-8".to_owned(),
+            });
+        }
         let format = Self::of_first_statement(&head[..head.len().min(HEAD)]);
         Ok(format.or_else(|| Self::of_extension(path)))
     }

@@ -3,7 +3,7 @@
 mod limited;
 mod model;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -193,7 +193,7 @@ impl Reader<'_> {
             return model.items.iter().map(here).collect();
         }
         let components = model.objects.values().flat_map(|object| &object.components);
-        let inner: Vec<u32> = components.map(|component| component.object).collect();
+        let inner: HashSet<u32> = components.map(|component| component.object).collect();
         let outer = model.objects.keys().filter(|id| !inner.contains(id));
         let mut outer: Vec<u32> = outer.copied().collect();
         outer.sort_unstable();

@@ -99,6 +99,12 @@ fn odd_files_are_meshes_or_errors_with_their_name() {
             }
         }
     }
+    for marked in [&b"\xff\xfev\0"[..], b"\xfe\xff\0v"] {
+        let path = folder.file("wide.obj", "");
+        fs::write(&path, marked).expect("a temporary file");
+        let error = load_mesh(&path).expect_err("UTF-16").to_string();
+        assert!(error.contains("the text is UTF-16"), "{error}");
+    }
     for name in ["folder.obj", "folder"] {
         let path = folder.0.join(name);
         fs::create_dir(&path).expect("a folder in the folder");
