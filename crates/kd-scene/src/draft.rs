@@ -107,6 +107,11 @@ impl PartDraft {
         }
     }
 
+    /// The number of vertices so far.
+    pub(crate) fn vertices(&self) -> usize {
+        self.positions.len()
+    }
+
     /// The triangles so far.
     pub(crate) fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles

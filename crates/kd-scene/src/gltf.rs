@@ -97,6 +97,7 @@ pub(crate) fn read_gltf_with(
         looks: HashMap::new(),
         images: HashMap::new(),
         elements: 0,
+        kept: 0,
     };
     reader.read()?;
     reader.finish()
@@ -181,6 +182,8 @@ struct Reader<'a> {
     images: HashMap<usize, u32>,
     /// The number of vertices and triangles so far.
     elements: usize,
+    /// The number of vertices and triangles in `meshes`.
+    kept: usize,
 }
 
 impl Reader<'_> {
@@ -283,7 +286,9 @@ impl Reader<'_> {
             .get("KHR_node_visibility")
             .is_some_and(hides);
         let is_visible = enclosing.is_visible && !is_hidden;
-        let is_mirrored = enclosing.is_mirrored ^ mirrors(&own);
+        // Where keys scale a node, they say whether it mirrors.
+        let at_start = keys.as_ref().map(|keys| keys.transform(0.0));
+        let is_mirrored = enclosing.is_mirrored ^ mirrors(&at_start.unwrap_or(own));
         let enclosing = if keys.is_some() {
             Enclosing {
                 moving_node: Some(in_scene),
@@ -407,9 +412,14 @@ impl Reader<'_> {
 
     /// Counts vertices and triangles before they are added: a short file may repeat them any number of times.
     fn count(&mut self, elements: usize, pointer: &str) -> Result<(), LoadError> {
-        const MOST: usize = 1 << 26;
         self.elements = self.elements.saturating_add(elements);
-        if self.elements <= MOST.saturating_add(self.buffers.bytes()) {
+        self.check_count(self.elements, pointer)
+    }
+
+    /// Refuses more vertices and triangles than a file of this size has without repeating them.
+    fn check_count(&self, elements: usize, pointer: &str) -> Result<(), LoadError> {
+        const MOST: usize = 1 << 26;
+        if elements <= MOST.saturating_add(self.buffers.bytes()) {
             return Ok(());
         }
         let problem =

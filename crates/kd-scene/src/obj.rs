@@ -131,8 +131,6 @@ fn read_with<B: Beside>(
                     report.warn(name, place(), WarningCode::Unused, what);
                 } else if rest >= 3 && mesh.has_looks() {
                     let mut color = [1.0; 3];
-                    // A weight may precede the color.
-                    let mut words = words.skip(rest - 3);
                     for channel in &mut color {
                         let word = words.next().and_then(number);
                         *channel = word.filter(|channel| !channel.is_nan()).unwrap_or(1.0);

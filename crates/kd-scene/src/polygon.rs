@@ -50,11 +50,17 @@ pub(crate) fn triangulate(corners: &[DVec3]) -> Triangulation {
         .collect();
     let mut found: Vec<usize> = Vec::new();
     Earcut::new().earcut(flat.iter().copied(), &[], &mut found);
-    if found.len() != 3 * (count - 2) || !covers(&flat, &found) {
+    let mut triangles: Vec<[usize; 3]> = found.as_chunks::<3>().0.to_vec();
+    // Ear clipping may drop corners that repeat, or that are on a straight line: each is the middle of a triangle without area.
+    let mut is_used = vec![false; count];
+    found.iter().for_each(|corner| is_used[*corner] = true);
+    let dropped = (0..count).filter(|corner| !is_used[*corner]);
+    triangles.extend(dropped.map(|i| [(i + count - 1) % count, i, (i + 1) % count]));
+    if triangles.len() != count - 2 || !covers(&flat, &found) {
         return fan(Some(NOT_SIMPLE));
     }
     Triangulation {
-        triangles: found.as_chunks::<3>().0.to_vec(),
+        triangles,
         warning: None,
     }
 }
@@ -184,6 +190,35 @@ mod tests {
                 let found = triangulate(&corners);
                 assert_eq!(found.warning, None, "{far}, from corner {turn}");
             }
+        }
+    }
+
+    #[test]
+    fn corners_may_repeat_or_be_on_a_line() {
+        let shape = [
+            (0.0, 0.0),
+            (1.0, 0.0),
+            (2.0, 0.0),
+            (2.0, 1.0),
+            (2.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 1.5),
+            (1.0, 2.0),
+            (0.0, 2.0),
+            (0.0, 1.0),
+        ];
+        let corners = shape.map(|(x, y)| DVec3::new(x, y, 0.0));
+        for turn in 0..corners.len() {
+            let mut corners = corners;
+            corners.rotate_left(turn);
+            let found = triangulate(&corners);
+            assert_eq!(
+                (found.warning, found.triangles.len()),
+                (None, 8),
+                "from corner {turn}"
+            );
+            let sum = area(&corners, &found.triangles);
+            assert!((sum - 3.0).abs() < 1e-9, "{sum}: {:?}", found.triangles);
         }
     }
 

@@ -1,6 +1,7 @@
 //! Reader of STL, text and binary.
 
 use std::io::Read;
+use std::ops::Range;
 
 use kd_core::Mesh;
 
@@ -170,98 +171,173 @@ fn add(
 }
 
 fn read_text(source: &mut Source<'_>, report: &mut Report) -> Result<Mesh, LoadError> {
-    let name = source.name;
-    let mut mesh = FileMesh::new(name);
-    let mut corners = Vec::new();
-    let mut facets = 0;
-    // The line of the facet that is open.
-    let mut open = None;
-    let mut has_end = false;
-    let mut lines = TextLines::new(0, None);
-    while lines.next(source)? {
+    let mut reader = TextReader {
+        name: source.name,
+        mesh: FileMesh::new(source.name),
+        lines: TextLines::new(0, None),
+        facets: 0,
+        corners: Vec::new(),
+        open: None,
+        is_damaged: false,
+        normal: 0,
+        has_end: false,
+    };
+    while reader.lines.next(source)? {
         // Most files have one statement a line, but a line may have several.
-        while let Some(word) = lines.word() {
-            let word = &lines.text[word];
-            let bad = |problem: &str| LoadError::BadLine {
-                file: name.to_owned(),
-                line: lines.number,
-                problem: format!("{problem}: {}", quoted(&lines.text)),
-            };
-            if is(word, b"vertex") {
-                if open.is_none() {
-                    return Err(bad("no facet is open"));
-                }
-                let position = position(&mut lines, source)?;
-                corners.push(position);
-            } else if is(word, b"facet") {
-                if open.is_some() {
-                    return Err(bad("the facet before has no `endfacet`"));
-                }
-                corners.clear();
-                open = Some(lines.number);
-            } else if is(word, b"endfacet") {
-                let line = open.take().ok_or_else(|| bad("no facet is open"))?;
-                let place = FacePlace {
-                    number: facets,
-                    line: Some(line),
-                };
-                add(&mut mesh, &corners, place, report)?;
-                facets += 1;
-            } else if is(word, b"solid") || is(word, b"endsolid") {
-                has_end = is(word, b"endsolid");
-                // A name, which may have any words.
-                break;
-            } else if is(word, b"color") {
-                break;
-            } else if is(word, b"normal") {
-                // The order of the corners says which side is outside.
-                for _ in 0..3 {
-                    lines.word();
-                }
-            } else if !["outer", "loop", "endloop"]
-                .iter()
-                .any(|known| is(word, known.as_bytes()))
-            {
-                let error = bad("not a statement of STL");
-                let what = "a line is no statement of STL; it is left out";
-                let place = Some(Place::Line(lines.number));
-                report.leave_out(error, place, WarningCode::BadElement, what)?;
+        while let Some(word) = reader.lines.word() {
+            if !reader.statement(word, source, report)? {
                 break;
             }
         }
     }
-    if let Some(line) = open {
-        return Err(LoadError::BadLine {
-            file: name.to_owned(),
+    if let Some(line) = reader.open {
+        let error = LoadError::BadLine {
+            file: source.name.to_owned(),
             line,
             problem: "the file ends in this facet".to_owned(),
-        });
-    }
-    if !has_end {
+        };
+        let what = "the file ends in a facet; it is left out";
+        report.leave_out(
+            error,
+            Some(Place::Line(line)),
+            WarningCode::BadElement,
+            what,
+        )?;
+    } else if !reader.has_end {
         let what = "the file ends without `endsolid`";
-        let place = Some(Place::Line(lines.number));
-        report.warn(name, place, WarningCode::MissingEnd, what);
+        let place = Some(Place::Line(reader.lines.number));
+        report.warn(source.name, place, WarningCode::MissingEnd, what);
     }
-    Ok(mesh.finish(report, |_, _, _| {})?.mesh)
+    Ok(reader.mesh.finish(report, |_, _, _| {})?.mesh)
 }
 
-/// The coordinates that come next, which may be on another line.
-fn position(lines: &mut TextLines, source: &mut Source<'_>) -> Result<[f32; 3], LoadError> {
-    let mut position = [0.0; 3];
-    for coordinate in &mut position {
-        let word = loop {
-            match lines.word() {
-                Some(word) => break Some(word),
-                None if lines.next(source)? => {}
-                None => break None,
+struct TextReader<'a> {
+    name: &'a str,
+    mesh: FileMesh<'a>,
+    lines: TextLines,
+    facets: usize,
+    /// The corners of the facet that is open.
+    corners: Vec<[f32; 3]>,
+    /// The line of that facet.
+    open: Option<usize>,
+    /// Whether it has a vertex that cannot be read.
+    is_damaged: bool,
+    /// How many numbers of its normal are still to come.
+    normal: usize,
+    has_end: bool,
+}
+
+impl TextReader<'_> {
+    /// Reads the statement that begins with a word. Returns whether the line may have another one.
+    fn statement(
+        &mut self,
+        word: Range<usize>,
+        source: &mut Source<'_>,
+        report: &mut Report,
+    ) -> Result<bool, LoadError> {
+        let place = Some(Place::Line(self.lines.number));
+        let word = &self.lines.text[word];
+        if is(word, b"vertex") {
+            return self.vertex(source, report);
+        }
+        if is(word, b"facet") {
+            if self.open.is_some() {
+                let error = self.bad("the facet before has no `endfacet`");
+                let what = "a facet has no `endfacet`; it is left out";
+                report.leave_out(error, place, WarningCode::BadElement, what)?;
             }
-        };
-        let value = word.and_then(|word| number(&lines.text[word]));
-        *coordinate = value.ok_or_else(|| LoadError::BadLine {
-            file: source.name.to_owned(),
-            line: lines.number,
-            problem: format!("bad vertex: {}", quoted(&lines.text)),
-        })?;
+            self.corners.clear();
+            self.open = Some(self.lines.number);
+            self.is_damaged = false;
+        } else if is(word, b"endfacet") {
+            let line = self
+                .open
+                .take()
+                .ok_or_else(|| self.bad("no facet is open"))?;
+            let number = self.facets;
+            self.facets += 1;
+            if !self.is_damaged {
+                let place = FacePlace {
+                    number,
+                    line: Some(line),
+                };
+                add(&mut self.mesh, &self.corners, place, report)?;
+            }
+        } else if is(word, b"solid") || is(word, b"endsolid") {
+            self.has_end = is(word, b"endsolid");
+            return Ok(self.skip_name());
+        } else if is(word, b"color") {
+            return Ok(false);
+        } else if is(word, b"normal") {
+            // The order of the corners says which side is outside.
+            self.normal = 3;
+        } else if number(word).is_some() {
+            if self.normal == 0 {
+                let what = "numbers after those of a vertex or a normal are not used";
+                report.warn(self.name, place, WarningCode::Unused, what);
+            }
+            self.normal = self.normal.saturating_sub(1);
+        } else if !["outer", "loop", "endloop"]
+            .iter()
+            .any(|known| is(word, known.as_bytes()))
+        {
+            let error = self.bad("not a statement of STL");
+            let what = "a line is no statement of STL; it is left out";
+            report.leave_out(error, place, WarningCode::BadElement, what)?;
+            return Ok(false);
+        }
+        Ok(true)
     }
-    Ok(position)
+
+    /// Skips the name of a solid, which may have any words: all up to a facet on the same line. Returns whether there is one.
+    fn skip_name(&mut self) -> bool {
+        let mut before: Option<Range<usize>> = None;
+        while let Some(word) = self.lines.word() {
+            let is_normal = is(&self.lines.text[word.clone()], b"normal");
+            if let Some(before) =
+                before.filter(|before| is(&self.lines.text[before.clone()], b"facet"))
+                && is_normal
+            {
+                self.lines.skip(before.start);
+                return true;
+            }
+            before = Some(word);
+        }
+        false
+    }
+
+    /// Reads the coordinates of a vertex, which may go on on another line.
+    fn vertex(&mut self, source: &mut Source<'_>, report: &mut Report) -> Result<bool, LoadError> {
+        if self.open.is_none() {
+            return Err(self.bad("no facet is open"));
+        }
+        let mut position = [0.0; 3];
+        for coordinate in &mut position {
+            let word = loop {
+                match self.lines.word() {
+                    Some(word) => break Some(word),
+                    None if self.lines.next(source)? => {}
+                    None => break None,
+                }
+            };
+            let Some(value) = word.and_then(|word| number(&self.lines.text[word])) else {
+                let place = Some(Place::Line(self.lines.number));
+                let what = "a facet has a bad vertex; it is left out";
+                report.leave_out(self.bad("bad vertex"), place, WarningCode::BadElement, what)?;
+                self.is_damaged = true;
+                return Ok(false);
+            };
+            *coordinate = value;
+        }
+        self.corners.push(position);
+        Ok(true)
+    }
+
+    fn bad(&self, problem: &str) -> LoadError {
+        LoadError::BadLine {
+            file: self.name.to_owned(),
+            line: self.lines.number,
+            problem: format!("{problem}: {}", quoted(&self.lines.text)),
+        }
+    }
 }

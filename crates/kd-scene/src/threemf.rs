@@ -174,7 +174,7 @@ impl Reader<'_> {
         let most = entry
             .compressed_size()
             .saturating_mul(100)
-            .saturating_add(1 << 28);
+            .saturating_add(1 << 27);
         let model = Model::read(Limited::new(entry, most), &file, self.report)?;
         let elements: usize = model.objects.values().map(Object::elements).sum();
         self.elements = self.elements.saturating_add(elements);

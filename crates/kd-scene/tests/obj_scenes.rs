@@ -205,12 +205,29 @@ fn names_may_have_a_number_sign() {
     let scene = read(object, materials).expect("valid");
     let material = scene.parts[0].surface.materials[0] as usize;
     assert_eq!(scene.materials[material].diffuse, Vec3::Y);
+    // Comments after names, the last of which ends as a line that continues.
+    let commented = "mtllib looks.mtl # all\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl Mat #2 # shiny\ng a # C:\\\nf 1 2 3\n";
+    for object in [commented.to_owned(), commented.replace("Mat #2", "red")] {
+        let materials = materials.replace("Mat #1", "red") + "map_Kd a.png # wood\n";
+        let scene = read(&object, &materials).expect("valid");
+        let material = scene.parts[0].surface.materials[0] as usize;
+        let expected = if object.contains("red") {
+            Vec3::X
+        } else {
+            Vec3::Y
+        };
+        assert_eq!(scene.materials[material].diffuse, expected, "{object}");
+        assert_eq!(
+            scene.textures[0].source,
+            TextureSource::File("a/a.png".into())
+        );
+    }
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
 #[test]
 fn colors_of_vertices_are_read() {
-    let object = "v 0 0 0 1 0 0\nv 1 0 0 1 0 1 0\nv 0 1 0\nv 1 1 0 0 0 2\nf 1 2 3\nf 2 4 3\n";
+    let object = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0 1\nv 0 1 0\nv 1 1 0 0 0 2\nf 1 2 3\nf 2 4 3\n";
     let scene = read(object, "").expect("valid");
     let expected = [[Vec3::X, Vec3::Y, Vec3::ONE], [Vec3::Y, Vec3::Z, Vec3::ONE]];
     assert_eq!(scene.parts[0].surface.colors, expected);

@@ -61,6 +61,22 @@ fn text_and_binary_agree() {
             .replacen("solid two triangles", "solid two triangles\n", 1);
     let mesh = read_stl(one_line.as_bytes(), "a.stl").expect("valid");
     assert_eq!(mesh.positions(), CORNERS, "statements on one line");
+    let all_on_one = format!("{TEXT}{TEXT}").replace('\n', " ");
+    assert_eq!(
+        read_stl(all_on_one.as_bytes(), "a.stl")
+            .expect("valid")
+            .len(),
+        4
+    );
+    let split = TEXT
+        .replace("normal ", "normal\n")
+        .replace("vertex 0", "vertex\n0");
+    assert_eq!(
+        read_stl(split.as_bytes(), "a.stl")
+            .expect("valid")
+            .positions(),
+        CORNERS
+    );
     assert!(
         read_stl(&b"solid\nendsolid"[..], "a.stl")
             .expect("empty")
@@ -159,6 +175,27 @@ fn what_is_not_used_has_a_warning() {
         (lenient.value.len(), lenient.warnings[0].code),
         (1, WarningCode::NotFinite)
     );
+    let colors = load(
+        TEXT.replace("vertex 1 0 0", "vertex 1 0 0 .5 .5 .5")
+            .as_bytes(),
+        Strictness::Usual,
+    );
+    assert_eq!(
+        (colors.value.len(), colors.warnings[0].code),
+        (2, WarningCode::Unused)
+    );
+    for damaged in [
+        TEXT.replacen(" endfacet\n", "", 1),
+        TEXT.replacen("vertex 0 0 0", "vertex x 0 0", 1),
+        TEXT.rsplit_once(" endfacet").expect("its end").0.to_owned(),
+    ] {
+        let left = load(damaged.as_bytes(), Strictness::Lenient);
+        assert_eq!(
+            (left.value.len(), left.warnings[0].code),
+            (1, WarningCode::BadElement),
+            "{damaged}"
+        );
+    }
     drop(std::fs::remove_file(&path));
 }
 

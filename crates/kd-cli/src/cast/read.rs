@@ -63,6 +63,8 @@ struct CsvRays<R> {
     places: [Option<usize>; 8],
     /// The number of values in each line, if the columns have no names.
     width: Option<usize>,
+    /// The number of named columns.
+    names: usize,
     record: StringRecord,
     /// Whether `record` is a ray that is not taken yet.
     is_pending: bool,
@@ -70,9 +72,15 @@ struct CsvRays<R> {
 
 impl<R: BufRead> CsvRays<R> {
     fn new(mut reader: R, path: &Path) -> anyhow::Result<Self> {
-        let start = reader
+        let name = || format!("{}", path.display());
+        if reader
             .fill_buf()
-            .with_context(|| format!("{}", path.display()))?;
+            .with_context(name)?
+            .starts_with("\u{feff}".as_bytes())
+        {
+            reader.consume(3);
+        }
+        let start = reader.fill_buf().with_context(name)?;
         let mut lines = start.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
         let line = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
         let line = line.unwrap_or_default();
@@ -91,6 +99,7 @@ impl<R: BufRead> CsvRays<R> {
             has_blanks: delimiter == b' ',
             places: [None; 8],
             width: None,
+            names: 0,
             record: StringRecord::new(),
             is_pending: false,
         };
@@ -99,6 +108,7 @@ impl<R: BufRead> CsvRays<R> {
         if rays.is_pending && !rays.record.iter().any(is_number) {
             rays.is_pending = false;
             rays.places = named_places(&rays.record).with_context(|| rays.place())?;
+            rays.names = rays.record.len();
         } else if rays.is_pending {
             let width = rays.record.len();
             rays.width = Some(width);
@@ -117,7 +127,7 @@ impl<R: BufRead> CsvRays<R> {
             if !read.with_context(|| format!("{}", self.path.display()))? {
                 return Ok(false);
             }
-            let is_empty = self.record.iter().all(str::is_empty);
+            let is_empty = self.has_blanks && self.record.iter().all(str::is_empty);
             if is_empty
                 || self
                     .record
@@ -135,6 +145,11 @@ impl<R: BufRead> CsvRays<R> {
                     .collect();
                 self.record.set_position(position);
             }
+            // A separator at the end of the line.
+            let fields = self.record.len();
+            if [7, 9].contains(&fields) && self.record.get(fields - 1) == Some("") {
+                self.record.truncate(fields - 1);
+            }
             return Ok(true);
         }
     }
@@ -148,6 +163,9 @@ impl<R: BufRead> CsvRays<R> {
         let found = self.record.len();
         if let Some(width) = self.width.filter(|width| *width != found) {
             bail!("{found} values, expected {width} as in the first line");
+        }
+        if self.width.is_none() && found > self.names {
+            bail!("{found} values, but {} columns have a name", self.names);
         }
         let mut values = DEFAULTS;
         for ((value, place), name) in values.iter_mut().zip(&self.places).zip(COLUMNS) {
@@ -166,7 +184,10 @@ impl<R: BufRead> CsvRays<R> {
 
 /// The places of the columns with the names of [`COLUMNS`].
 fn named_places(names: &StringRecord) -> anyhow::Result<[Option<usize>; 8]> {
-    let names: Vec<&str> = names.iter().map(|name| name.trim_matches('"')).collect();
+    let names = names
+        .iter()
+        .map(|name| name.trim_start_matches('\u{feff}').trim_matches('"'));
+    let names: Vec<&str> = names.collect();
     let place = |name: &str| {
         names
             .iter()

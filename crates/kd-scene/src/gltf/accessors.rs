@@ -172,7 +172,7 @@ pub(super) fn numbers<T: Number>(
         None => {
             // Zeros take no bytes, so a short file could declare any number of them: few are free, and more where the buffers that
             // were read have as many bytes.
-            const FREE: usize = 1 << 12;
+            const FREE: usize = 1 << 16;
             if let Some(sparse) = &accessor.sparse {
                 buffers.view(document, sparse.values.buffer_view)?;
             }

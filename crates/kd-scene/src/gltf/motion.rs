@@ -27,6 +27,13 @@ pub(super) struct Motion {
     end: f64,
 }
 
+impl Motion {
+    /// The keys of a node; at first, those of its place at rest.
+    fn of(&mut self, number: Whole, node: &Node) -> &mut Keys {
+        self.keys.entry(number.0).or_insert_with(|| at_rest(node))
+    }
+}
+
 impl Reader<'_> {
     pub(super) fn motion(&mut self) -> Result<Motion, LoadError> {
         let mut motion = Motion::default();
@@ -99,7 +106,7 @@ impl Reader<'_> {
             let what = "key times descend; the keys are sorted";
             self.warn(&pointer, WarningCode::BadAnimation, what);
         }
-        motion.end = times.iter().copied().fold(motion.end, f64::max);
+        let end = times.iter().copied().fold(motion.end, f64::max);
         let curve = CurveOf {
             times,
             sampler,
@@ -108,13 +115,7 @@ impl Reader<'_> {
         if path == "weights" {
             let weights = self.weights(curve)?;
             motion.weights.insert(target.0, weights);
-            return Ok(());
-        }
-        let keys = motion
-            .keys
-            .entry(target.0)
-            .or_insert_with(|| at_rest(&node));
-        if path == "rotation" {
+        } else if path == "rotation" {
             let rotations = self.numbers::<4>(sampler.output, true)?;
             let rotations = rotations.into_iter().map(|numbers| numbers.map(f64::from));
             let is_cubic = sampler.interpolation.as_deref() == Some("CUBICSPLINE");
@@ -126,21 +127,22 @@ impl Reader<'_> {
                     rotation(numbers)
                 }
             };
-            keys.rotation = Some(Curve::Sampled(
-                self.sampled(&curve, rotations.map(of).collect())?,
-            ));
-            return Ok(());
-        }
-        let values = self.numbers::<3>(sampler.output, false)?;
-        let values = values
-            .into_iter()
-            .map(|numbers| DVec3::from(numbers.map(f64::from)));
-        let sampled = Some(Curve::Sampled(self.sampled(&curve, values.collect())?));
-        if path == "scale" {
-            keys.scale = sampled;
+            let sampled = self.sampled(&curve, rotations.map(of).collect())?;
+            motion.of(target, &node).rotation = Some(Curve::Sampled(sampled));
         } else {
-            keys.translation = sampled;
+            let values = self.numbers::<3>(sampler.output, false)?;
+            let values = values
+                .into_iter()
+                .map(|numbers| DVec3::from(numbers.map(f64::from)));
+            let sampled = Some(Curve::Sampled(self.sampled(&curve, values.collect())?));
+            let keys = motion.of(target, &node);
+            if path == "scale" {
+                keys.scale = sampled;
+            } else {
+                keys.translation = sampled;
+            }
         }
+        motion.end = end;
         Ok(())
     }
 

@@ -13,7 +13,6 @@ use crate::draft::{PartDraft, SurfaceIds, Transform};
 use crate::report::{Place, Report, WarningCode};
 
 /// The vertices and the triangles of a primitive, in the coordinates of its mesh.
-#[derive(Clone)]
 pub(super) struct Triangles {
     /// Where the primitive is in the file.
     pointer: String,
@@ -31,7 +30,6 @@ pub(super) struct Triangles {
 }
 
 /// The offsets of a morph target, for each vertex.
-#[derive(Clone)]
 pub(super) struct Offsets {
     pub(super) positions: Option<Vec<[f32; 3]>>,
     pub(super) normals: Option<Vec<[f32; 3]>>,
@@ -50,10 +48,16 @@ impl Reader<'_> {
         }
         let mesh: Mesh = self.document.get("/meshes", number)?;
         let mut all = Vec::new();
+        let mut elements = 0_usize;
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let pointer = format!("/meshes/{}/primitives/{index}", number.0);
             match self.primitive(primitive, &pointer) {
-                Ok(read) => all.extend(read),
+                Ok(None) => {}
+                Ok(Some(read)) => {
+                    elements = elements.saturating_add(read.elements());
+                    self.check_count(self.kept.saturating_add(elements), &pointer)?;
+                    all.push(read);
+                }
                 Err(error) => {
                     let what = format!("a primitive cannot be read; it is left out ({error})");
                     let place = Some(Place::Pointer(pointer));
@@ -64,6 +68,7 @@ impl Reader<'_> {
         }
         let read = Rc::new((all, mesh.weights));
         if self.uses.get(&number.0).is_some_and(|uses| *uses > 1) {
+            self.kept = self.kept.saturating_add(elements);
             self.meshes.insert(number.0, Rc::clone(&read));
         }
         Ok(read)
@@ -95,7 +100,7 @@ impl Reader<'_> {
             return Ok(None);
         };
         let of_targets = count.saturating_mul(primitive.targets.len());
-        self.count(count.saturating_add(of_targets), pointer)?;
+        self.check_count(of_targets, pointer)?;
         let look = self.look(primitive.material);
         let mut read = Triangles {
             pointer: pointer.to_owned(),
@@ -121,12 +126,16 @@ impl Reader<'_> {
             let pointer = format!("{pointer}/targets/{target}");
             let mut positions =
                 self.of_vertices::<3>(attributes, "POSITION", false, count, &pointer)?;
-            let normals = self.of_vertices::<3>(attributes, "NORMAL", false, count, &pointer)?;
-            self.check_offsets(positions.as_deref_mut().unwrap_or_default(), &pointer)?;
+            let mut normals =
+                self.of_vertices::<3>(attributes, "NORMAL", false, count, &pointer)?;
+            for offsets in [&mut positions, &mut normals] {
+                self.check_offsets(offsets.as_deref_mut().unwrap_or_default(), &pointer)?;
+            }
             read.targets.push(Offsets { positions, normals });
         }
         read.influences = self.influences(attributes, count, pointer)?;
         self.warn_of_others(attributes, pointer);
+        read.drop_unused();
         Ok(Some(read))
     }
 
@@ -328,9 +337,51 @@ impl Reader<'_> {
 }
 
 impl Triangles {
-    /// The number of vertices and triangles.
+    /// The number of vertices, of triangles, and of offsets in all targets.
     pub(super) fn elements(&self) -> usize {
-        self.positions.len() + self.triangles.len()
+        let vertices = self.positions.len();
+        let of_targets = vertices.saturating_mul(self.targets.len());
+        of_targets.saturating_add(vertices + self.triangles.len())
+    }
+
+    /// Drops the vertices that no triangle uses: the primitives of a mesh often share those of all.
+    fn drop_unused(&mut self) {
+        const UNUSED: u32 = u32::MAX;
+        let mut numbers = vec![UNUSED; self.positions.len()];
+        for corner in self.triangles.iter().flatten() {
+            numbers[*corner as usize] = 0;
+        }
+        if !numbers.contains(&UNUSED) {
+            return;
+        }
+        let used = numbers.iter_mut().filter(|number| **number != UNUSED);
+        for (number, next) in used.zip(0..) {
+            *number = next;
+        }
+        for corner in self.triangles.iter_mut().flatten() {
+            *corner = numbers[*corner as usize];
+        }
+        fn keep<T>(all: &mut Vec<T>, numbers: &[u32]) {
+            let mut numbers = numbers.iter();
+            all.retain(|_| numbers.next().is_some_and(|number| *number != u32::MAX));
+        }
+        keep(&mut self.positions, &numbers);
+        keep(&mut self.influences, &numbers);
+        let vectors = [&mut self.normals].into_iter();
+        let of_targets = self
+            .targets
+            .iter_mut()
+            .flat_map(|target| [&mut target.positions, &mut target.normals]);
+        vectors
+            .chain(of_targets)
+            .flatten()
+            .for_each(|all| keep(all, &numbers));
+        if let Some(uvs) = &mut self.uvs {
+            keep(uvs, &numbers);
+        }
+        if let Some(colors) = &mut self.colors {
+            keep(colors, &numbers);
+        }
     }
 
     /// The same with the morph targets, each with its weight, added to positions and normals.
@@ -341,7 +392,17 @@ impl Triangles {
                 *to = (at + weight * offset).as_vec3().to_array();
             }
         };
-        let mut blended = self.clone();
+        let mut blended = Self {
+            pointer: self.pointer.clone(),
+            positions: self.positions.clone(),
+            triangles: self.triangles.clone(),
+            normals: self.normals.clone(),
+            uvs: self.uvs.clone(),
+            colors: self.colors.clone(),
+            influences: self.influences.clone(),
+            targets: Vec::new(),
+            ..*self
+        };
         for (target, weight) in self.targets.iter().zip(weights) {
             if let Some(offsets) = &target.positions {
                 add(&mut blended.positions, offsets, *weight);

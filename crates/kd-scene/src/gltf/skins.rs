@@ -43,12 +43,11 @@ impl Reader<'_> {
         let (mut offsets, mut normals) = (vec![Vec::new(); targets], vec![Vec::new(); targets]);
         let mut influences = Vec::new();
         for primitive in primitives {
-            let before = draft.triangles().len();
+            let (before, first) = (draft.triangles().len(), draft.vertices());
             let is_mirrored = enclosing.is_mirrored && node.skin.is_none();
             let (file, report) = (self.file, &mut *self.report);
             let vertices = primitive.add_to(&mut draft, &transform, is_mirrored, file, report)?;
-            let first = vertices.first().copied().unwrap_or(0);
-            let end = first as usize + vertices.len();
+            let end = first + vertices.len();
             influences.extend_from_slice(&primitive.influences);
             influences.resize(end, [(0, 0.0); 4]);
             for (number, (offsets, normals)) in offsets.iter_mut().zip(&mut normals).enumerate() {
@@ -56,11 +55,11 @@ impl Reader<'_> {
                     continue;
                 };
                 let triangles = &draft.triangles()[before..];
-                add_offsets(target, &transform, first as usize, offsets);
+                add_offsets(target, &transform, first, offsets);
                 if let (Some(base), Some(of_target)) = (&primitive.normals, &target.normals) {
                     let corners = triangles
                         .iter()
-                        .map(|corners| corners.map(|it| (it - first) as usize));
+                        .map(|corners| corners.map(|it| it as usize - first));
                     let offset = |corner: usize| {
                         let [base, offset] = [base[corner], of_target[corner]];
                         transform.normal_offset(vector(base), vector(offset))

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::statements::{Statements, rest};
+use super::statements::{Statements, rest, without_comment};
 use crate::Material;
 use crate::error::quoted;
 use crate::report::{Place, Report, WarningCode};
@@ -192,6 +192,9 @@ fn texture(text: &str) -> Option<String> {
             left = after.trim_start();
         }
     }
+    // A comment may follow, unless the name goes on with its extension.
+    let named = without_comment(left);
+    let left = if named.contains('.') { named } else { left };
     // Some files use backslashes in paths.
     (!left.is_empty()).then(|| left.replace('\\', "/"))
 }

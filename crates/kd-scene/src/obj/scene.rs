@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::material::{MtlMaterial, read_mtl};
-use super::statements::{numbers, rest};
+use super::statements::{numbers, rest, without_comment};
 use super::{Beside, read_with};
 use crate::error::quoted;
 use crate::file_mesh::FileMesh;
@@ -259,9 +259,11 @@ impl Looks<'_> {
 
     /// Makes a material current; an unknown name selects light gray.
     fn use_material(&mut self, name: &str, line: usize, report: &mut Report) {
-        if let Some(known) = self.material_indices.get(name) {
-            self.current = *known;
-            return;
+        for name in [name, without_comment(name)] {
+            if let Some(known) = self.material_indices.get(name) {
+                self.current = *known;
+                return;
+            }
         }
         self.current = 0;
         // The warning of the missing file says so of all its materials.
@@ -280,6 +282,10 @@ impl Looks<'_> {
             Ok(bytes) => return self.add_library(names, &bytes, report),
             Err(error) => error,
         };
+        let named = without_comment(names);
+        if named != names {
+            return self.read_libraries(named, line, report);
+        }
         let several: Vec<&str> = names.split_whitespace().collect();
         if several.len() < 2 {
             return self.note_missing(names, &failed, line, report);
@@ -314,6 +320,8 @@ impl Looks<'_> {
         self.materials.push(material.material());
         self.material_textures
             .push(texture.unwrap_or(Surface::NO_TEXTURE));
+        let short = without_comment(&material.name).to_owned();
+        self.material_indices.insert(short, number);
         self.material_indices.insert(material.name.clone(), number);
     }
 

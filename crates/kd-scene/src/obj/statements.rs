@@ -63,8 +63,9 @@ const NAMED: [&[u8]; 6] = [b"g", b"map_Kd", b"mtllib", b"newmtl", b"o", b"usemtl
 #[inline]
 fn statement(line: &[u8]) -> (usize, bool) {
     let text = match memchr::memchr(b'#', line) {
-        Some(comment) if !is_in_name(line) => &line[..comment],
-        _ => line,
+        Some(_) if is_in_name(line) => return (line.trim_ascii_end().len(), false),
+        Some(comment) => &line[..comment],
+        None => line,
     };
     let text = text.trim_ascii_end();
     match text.strip_suffix(b"\\") {
@@ -73,7 +74,7 @@ fn statement(line: &[u8]) -> (usize, bool) {
     }
 }
 
-/// Whether a `#` of a line is part of a name.
+/// Whether a `#` of a line may be part of a name.
 fn is_in_name(line: &[u8]) -> bool {
     let first = Words::new(line).next();
     first.is_some_and(|first| NAMED.contains(&first))
@@ -85,6 +86,13 @@ pub(super) fn rest(statement: &[u8], word: &str) -> String {
     let text = statement.trim_ascii();
     let text = text.strip_prefix(word.as_bytes()).unwrap_or(text);
     String::from_utf8_lossy(text.trim_ascii()).into_owned()
+}
+
+/// A name without what may be a comment after it.
+#[cfg(feature = "scenes")]
+pub(super) fn without_comment(name: &str) -> &str {
+    let comment = name.find(" #").or_else(|| name.find("\t#"));
+    comment.map_or(name, |comment| name[..comment].trim_end())
 }
 
 /// The first numbers of a statement after its first word; `None` if one is missing or not finite.

@@ -1,7 +1,7 @@
 //! The XML of a model in a 3MF archive (3MF Core Specification, §3 to §5).
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{BufReader, Read};
 
 use glam::{DAffine3, DMat3, DVec3};
@@ -104,6 +104,7 @@ impl Model {
             object: None,
             group: 0,
             colors: HashMap::new(),
+            unused: HashSet::new(),
         };
         let mut buffer = Vec::new();
         let mut has_model = false;
@@ -131,7 +132,8 @@ impl Model {
                     return Err(LoadError::BadElement {
                         file: file.to_owned(),
                         element: "byte".to_owned(),
-                        index: usize::try_from(xml.error_position()).unwrap_or(usize::MAX),
+                        index: usize::try_from(xml.error_position().max(xml.buffer_position()))
+                            .unwrap_or(usize::MAX),
                         problem: error.to_string(),
                     });
                 }
@@ -177,6 +179,8 @@ struct Parser<'a> {
     group: u32,
     /// The colors of each group.
     colors: HashMap<u32, Vec<Option<Color>>>,
+    /// Groups of textures and the like, which are not read.
+    unused: HashSet<u32>,
 }
 
 struct OpenObject {
@@ -231,6 +235,7 @@ impl Parser<'_> {
                 self.model.items.push(item);
             }
             other if UNUSED.contains(&other) => {
+                self.unused.extend(attributes.parse::<u32>("id"));
                 let what = format!("`{other}` is not used");
                 self.report.warn(self.file, None, WarningCode::Unused, what);
             }
@@ -295,7 +300,7 @@ impl Parser<'_> {
         let mut color = |group: u32, index: u32| {
             let colors = self.colors.get(&group);
             let found = colors.and_then(|colors| colors.get(index as usize));
-            is_lost |= found.is_none();
+            is_lost |= found.is_none() && !self.unused.contains(&group);
             found.copied().flatten()
         };
         let group = attributes

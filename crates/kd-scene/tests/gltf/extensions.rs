@@ -79,6 +79,23 @@ fn mirrored_triangles_face_the_same_side() {
             "{outer} {inner}"
         );
     }
+    // Keys that scale a node say whether it mirrors.
+    for (at_rest, key, corners) in [(-1.0, 1.0, [0, 1, 2]), (1.0, -1.0, [0, 2, 1])] {
+        let mut file = File::default();
+        let times = file.floats("SCALAR", 1, &[0.0]);
+        let keys = file.floats("VEC3", 3, &[key, 1.0, 1.0]);
+        let rest = json!({ "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "scale" } }],
+            "samplers": [{ "input": times, "output": keys }],
+        }] });
+        let file = triangle(file, json!({ "scale": [at_rest, 1, 1] }), json!({}), rest);
+        let scene = read(&file).expect("valid");
+        assert_eq!(
+            scene.parts[0].mesh.triangles(),
+            [corners],
+            "{at_rest} {key}"
+        );
+    }
     let mut file = File::default();
     let scales = file.floats("VEC3", 3, &[1.0, 1.0, 1.0, 1.0, 1.0, -1.0]);
     let of = json!({ "attributes": { "SCALE": scales } });

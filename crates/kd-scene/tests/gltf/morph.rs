@@ -133,3 +133,56 @@ fn normals_of_targets_do_not_depend_on_scale() {
         );
     }
 }
+
+/// An empty primitive between two others, and vertices that no triangle uses.
+#[test]
+fn arrays_of_vertices_stay_aligned() {
+    let mut file = File::default();
+    let spread: Vec<f32> = [[9.0; 9], TRIANGLE].concat();
+    let positions = file.floats("VEC3", 3, &spread);
+    let corners = file.indices(&[3, 4, 5]);
+    let empty = file.floats("VEC3", 3, &[0.0; 3]);
+    file.accessors[empty]["count"] = json!(0);
+    let lift: Vec<f32> = [[0.0; 9], [0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0]].concat();
+    let lift = file.floats("VEC3", 3, &lift);
+    let joints = file.add(
+        &[[7; 12], [0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]].concat(),
+        5121,
+        "VEC4",
+        6,
+        None,
+    );
+    let weights = file.floats("VEC4", 4, &[1.0, 0.0, 0.0, 0.0].repeat(6));
+    let times = file.floats("SCALAR", 1, &[0.0, 1.0]);
+    let curve = file.floats("SCALAR", 1, &[0.0, 1.0]);
+    let whole = json!({
+        "attributes": { "POSITION": positions, "JOINTS_0": joints, "WEIGHTS_0": weights },
+        "indices": corners, "targets": [{ "POSITION": lift }],
+    });
+    let nothing = json!({ "attributes": { "POSITION": empty }, "targets": [{}] });
+    let file = file.finish(json!({
+        "scenes": [{ "nodes": [0, 1, 2] }],
+        "nodes": [{ "mesh": 0, "skin": 0 }, {}, { "translation": [100, 0, 0] }],
+        "meshes": [{ "primitives": [whole.clone(), nothing.clone(), whole, nothing] }],
+        "skins": [{ "joints": [1, 2] }],
+        "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
+            "samplers": [{ "input": times, "output": curve }],
+        }],
+    }));
+    let scene = read(&file).expect("valid");
+    assert_eq!(
+        scene.parts[0].mesh.positions().len(),
+        6,
+        "the others are dropped"
+    );
+    let mesh = scene.mesh_at(1.0).expect("finite");
+    let expected = [
+        Vec3::new(0.0, 0.0, 1.0),
+        Vec3::new(101.0, 0.0, 2.0),
+        Vec3::new(100.0, 1.0, 3.0),
+    ];
+    for triangle in 0..2 {
+        assert_eq!(mesh.corners(triangle), expected, "{triangle}");
+    }
+}
