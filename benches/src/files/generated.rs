@@ -13,7 +13,7 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// A sheet whose file has about so many bytes.
+    /// A sheet whose file has about `bytes` bytes.
     pub(super) fn of_size(bytes: u64, kind: Kind) -> Self {
         // Bytes of a cell: a vertex and two triangles.
         let cell = match kind {

@@ -10,11 +10,11 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use kd::glam::Vec3;
 use kd::{Hit, KdTree, Ray};
 
-use crate::print::print_line;
+use crate::print::{print_line, progress_bar};
 use crate::scene::{Builder, SceneArgs, Size};
 use generated::{CameraRays, LidarRays};
 use write::{Format, Output};
@@ -175,10 +175,7 @@ pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
             );
         }
     }
-    let scene = arguments.scene.load()?;
-    for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
-    }
+    let scene = arguments.scene.load_with_warnings()?;
     let time = arguments.scene.time(&scene)?;
     let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
     let mut source: Box<dyn RaySource> = match of_file {
@@ -263,13 +260,11 @@ fn trace(tree: &KdTree, rays: &[Ray], any: bool) -> Answers {
 }
 
 fn progress(rays: Option<u64>) -> ProgressBar {
-    let (bar, template) = match rays {
-        Some(rays) => (ProgressBar::new(rays), "{bar:40} {percent} % {msg} {eta}"),
-        None => (ProgressBar::no_length(), "{spinner} {pos} rays {msg}"),
+    let template = match rays {
+        Some(_) => "{bar:40} {percent} % {msg} {eta}",
+        None => "{spinner} {pos} rays {msg}",
     };
-    let style = ProgressStyle::with_template(template);
-    bar.set_style(style.expect("the template is well-formed"));
-    bar
+    progress_bar(rays, template)
 }
 
 impl CastArgs {

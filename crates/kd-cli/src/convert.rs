@@ -52,10 +52,7 @@ pub(crate) fn run(arguments: &ConvertArgs) -> anyhow::Result<()> {
 }
 
 fn mesh(arguments: &SceneArgs) -> anyhow::Result<Mesh> {
-    let scene = arguments.load()?;
-    for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
-    }
+    let scene = arguments.load_with_warnings()?;
     Ok(scene.mesh_at(arguments.time(&scene)?)?)
 }
 

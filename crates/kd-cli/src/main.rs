@@ -82,13 +82,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_are_told_once() {
+    fn each_cause_appears_once() {
         let missing = anyhow::Error::new(std::io::Error::other("gone"));
         assert_eq!(text(&missing.context("a.obj")), "a.obj: gone");
         let loaded = kd_scene::load_mesh("no-such.obj").expect_err("missing");
         let with_context = anyhow::Error::new(loaded).context("scene");
-        let told = text(&with_context);
-        assert_eq!(told.matches("os error 2").count(), 1, "{told}");
+        let message = text(&with_context);
+        assert_eq!(message.matches("os error 2").count(), 1, "{message}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use kd::{KdTree, Strategy};
 use kd_render::{
     Picture, RayCounts, RenderMethod, RenderOptions, Stage, draw_boxes, heat_map, leaf_depths,
@@ -16,7 +16,7 @@ use kd_render::{
 };
 
 use crate::animation::Output;
-use crate::print::print_line;
+use crate::print::{print_line, progress_bar};
 use crate::scene::{Builder, SceneArgs, Size, time_of};
 
 /// Arguments of `kd render`.
@@ -249,11 +249,9 @@ impl Progress {
     fn new(options: &RenderOptions, frames: usize) -> Self {
         let samples = u64::from(options.subpixels).pow(2);
         let primary = u64::from(options.width) * u64::from(options.height) * samples;
-        let bar = ProgressBar::new(primary * frames as u64);
-        let style = ProgressStyle::with_template("{bar:40} {percent} % {msg} {eta}");
-        bar.set_style(style.expect("the template is well-formed"));
+        let length = primary * frames as u64;
         Self {
-            bar,
+            bar: progress_bar(Some(length), "{bar:40} {percent} % {msg} {eta}"),
             rays: AtomicU64::new(0),
             start: Instant::now(),
         }

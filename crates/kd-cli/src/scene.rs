@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use crate::print::progress_bar;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
 use kd::BuildOptions;
 use kd_scene::{
     AffOptions, LoadOptions, SceneDescription, Spd, Strictness, load_scene_with, toy_room,
@@ -43,7 +43,6 @@ impl SceneArgs {
             return generated(name, size);
         }
         let aff = AffOptions {
-            lenient: self.lenient,
             detail: self.detail,
             ..AffOptions::default()
         };
@@ -52,9 +51,7 @@ impl SceneArgs {
             (_, true) => Strictness::Lenient,
             _ => Strictness::Usual,
         };
-        let bar = ProgressBar::no_length();
-        let style = ProgressStyle::with_template("reading {bar:40} {bytes} of {total_bytes}");
-        bar.set_style(style.expect("the template is well-formed"));
+        let bar = progress_bar(None, "reading {bar:40} {bytes} of {total_bytes}");
         let of_reader = bar.clone();
         let options = LoadOptions::new()
             .with_strictness(strictness)
@@ -66,6 +63,15 @@ impl SceneArgs {
         let loaded = load_scene_with(&self.scene, &options);
         bar.finish_and_clear();
         Ok(loaded?.value)
+    }
+
+    /// [`load`](Self::load), and prints the warnings.
+    pub(crate) fn load_with_warnings(&self) -> anyhow::Result<SceneDescription> {
+        let scene = self.load()?;
+        for warning in &scene.warnings {
+            eprintln!("warning: {warning}");
+        }
+        Ok(scene)
     }
 
     /// The time of the frame, in seconds.

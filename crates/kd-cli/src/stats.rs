@@ -19,10 +19,7 @@ pub(crate) struct StatsArgs {
 }
 
 pub(crate) fn run(arguments: &StatsArgs) -> anyhow::Result<()> {
-    let scene = arguments.scene.load()?;
-    for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
-    }
+    let scene = arguments.scene.load_with_warnings()?;
     let time = arguments.scene.time(&scene)?;
     print_line(format_args!("{}", description(&scene, time).trim_end()))?;
     let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;

@@ -1,33 +1,21 @@
 //! `kd cast`: rays in, hits out.
 
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
 
 use kd::glam::Vec3;
 use kd::{BuildOptions, KdTree, Ray};
 use kd_scene::{Lidar, Spd};
 
-fn kd(folder: &Path, arguments: &[&str]) -> Output {
-    let mut run = Command::new(env!("CARGO_BIN_EXE_kd"));
-    let run = run.arg("cast").args(arguments).current_dir(folder).output();
-    run.expect("the program starts")
-}
-
 #[track_caller]
 fn cast(folder: &Path, arguments: &[&str]) -> String {
-    let output = kd(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {errors}");
-    String::from_utf8_lossy(&output.stdout).into_owned()
+    program::stdout_of(folder, &[&["cast"], arguments].concat())
 }
 
 #[track_caller]
 fn error_of(folder: &Path, arguments: &[&str]) -> String {
-    let output = kd(folder, arguments);
-    assert!(!output.status.success(), "{arguments:?} should fail");
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!errors.contains("panicked"), "{arguments:?}: {errors}");
-    errors
+    program::error_of(folder, &[&["cast"], arguments].concat())
 }
 
 fn balls() -> KdTree {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use crate::draft::{PartDraft, SurfaceIds, Transform};
+use crate::draft::{MOST_REPEATED, PartDraft, SurfaceIds, Transform};
 use crate::error::quoted;
 use crate::files::read_file;
 use crate::keys::{Keys, rotation_about};
@@ -45,7 +45,7 @@ impl Default for AffOptions {
             lenient: false,
             detail: 0,
             resolution: RESOLUTION,
-            max_triangles: 1 << 26,
+            max_triangles: MOST_REPEATED,
         }
     }
 }

@@ -7,6 +7,9 @@ use kd_core::{Mesh, MeshError};
 
 use crate::{Deformation, Morph, MorphKey, Part, Surface};
 
+/// How many vertices and triangles a file may have in memory beyond its own size: a short file may repeat its content any number of times.
+pub(crate) const MOST_REPEATED: usize = 1 << 26;
+
 /// A part under construction: triangles that move together, and their surface.
 #[derive(Debug)]
 pub(crate) struct PartDraft {

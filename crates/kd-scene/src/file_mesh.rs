@@ -115,13 +115,18 @@ impl<'a> FileMesh<'a> {
         self.looks.is_some()
     }
 
-    /// Sets the color of the vertex that was added last, each channel from 0 to 1.
+    /// Sets the color of the vertex that was added last. Channels are clamped to 0..=1; NaN becomes 1.
     pub(crate) fn set_color(&mut self, color: [f32; 3]) {
         if let Some(looks) = &mut self.looks {
             looks.colors.resize(self.positions.len() - 1, [1.0; 3]);
-            looks
-                .colors
-                .push(color.map(|channel| channel.clamp(0.0, 1.0)));
+            let channel = |channel: f32| {
+                if channel.is_nan() {
+                    1.0
+                } else {
+                    channel.clamp(0.0, 1.0)
+                }
+            };
+            looks.colors.push(color.map(channel));
         }
     }
 

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
 use serde_json::Value;
 
-use crate::draft::{PartDraft, Transform};
+use crate::draft::{MOST_REPEATED, PartDraft, Transform};
 use crate::files::read_file;
 use crate::keys::Keys;
 use crate::keys::sampled::Sampled;
@@ -418,12 +418,12 @@ impl Reader<'_> {
 
     /// Refuses more vertices and triangles than a file of this size has without repeating them.
     fn check_count(&self, elements: usize, pointer: &str) -> Result<(), LoadError> {
-        const MOST: usize = 1 << 26;
-        if elements <= MOST.saturating_add(self.buffers.bytes()) {
+        if elements <= MOST_REPEATED.saturating_add(self.buffers.bytes()) {
             return Ok(());
         }
-        let problem =
-            format!("the file repeats its meshes to more than {MOST} vertices and triangles");
+        let problem = format!(
+            "the file repeats its meshes to more than {MOST_REPEATED} vertices and triangles"
+        );
         Err(self.document.bad_value(pointer, problem))
     }
 
@@ -504,6 +504,10 @@ fn local(node: &json::Node) -> DAffine3 {
     let scale = node.scale.map_or(DVec3::ONE, DVec3::from);
     let translation = node.translation.map_or(DVec3::ZERO, DVec3::from);
     DAffine3::from_scale_rotation_translation(scale, turn, translation)
+}
+
+fn vector(numbers: [f32; 3]) -> DVec3 {
+    DVec3::from(numbers.map(f64::from))
 }
 
 /// A rotation of unit length.

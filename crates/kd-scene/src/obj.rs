@@ -132,8 +132,7 @@ fn read_with<B: Beside>(
                 } else if rest >= 3 && mesh.has_looks() {
                     let mut color = [1.0; 3];
                     for channel in &mut color {
-                        let word = words.next().and_then(number);
-                        *channel = word.filter(|channel| !channel.is_nan()).unwrap_or(1.0);
+                        *channel = words.next().and_then(number).unwrap_or(1.0);
                     }
                     mesh.set_color(color);
                 }

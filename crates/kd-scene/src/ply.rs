@@ -1,7 +1,7 @@
 //! Reader of PLY.
 //!
 //! Elements are read from the bytes of the file, whatever the header says of their number, so that the size of the file bounds the
-//! memory. The crate `ply-rs-bw`, which kd used before, allocates what a header claims, and reads one property at a time.
+//! memory. The crate `ply-rs-bw` (version 4.0.1) allocates what a header claims.
 
 mod binary;
 mod header;
@@ -39,8 +39,8 @@ pub fn read_ply(reader: impl Read, name: &str) -> Result<Mesh, LoadError> {
     Ok(read.mesh)
 }
 
-/// Reads a file into `mesh`, with warnings. A lenient reader leaves out damaged faces, and vertices that are not finite with the faces that use
-/// them.
+/// Reads a file into `mesh`, with warnings. A lenient reader leaves out damaged faces, and vertices that are not finite with the faces that
+/// use them.
 pub(crate) fn read_ply_with(
     source: &mut Source<'_>,
     mut mesh: FileMesh<'_>,
@@ -152,25 +152,21 @@ struct VertexHas {
 
 impl VertexHas {
     fn of(element: &Element) -> Self {
-        let kind_of = |name: &str| {
-            let found = element.properties.iter().find(|it| it.name == name);
-            found.and_then(|property| match property.kind {
-                Kind::Scalar(scalar) => Some(scalar),
-                Kind::List { .. } => None,
-            })
+        let scalar_of = |name: &str| match element.kind_of(name)? {
+            Kind::Scalar(scalar) => Some(scalar),
+            Kind::List { .. } => None,
         };
-        let of = |first: usize| VALUES[first..first + 3].iter().map(|name| kind_of(name));
+        let has = |names: &[&str]| names.iter().all(|name| scalar_of(name).is_some());
         let full = |scalar: Scalar| match scalar {
             Scalar::F32 | Scalar::F64 => 1.0,
             Scalar::U16 => 65535.0,
             Scalar::I16 => 32767.0,
             _ => 255.0,
         };
+        let full_color = scalar_of("red").map(full);
         Self {
-            normal: of(3).all(|scalar| scalar.is_some()),
-            full_color: of(6)
-                .all(|scalar| scalar.is_some())
-                .then(|| kind_of("red").map_or(1.0, full)),
+            normal: has(&VALUES[3..6]),
+            full_color: full_color.filter(|_| has(&VALUES[6..])),
         }
     }
 }
@@ -191,14 +187,10 @@ enum Role {
 impl Role {
     /// Determines the role by the name, and checks that the required properties exist.
     fn of(element: &Element) -> Result<Self, String> {
-        let kind_of = |name: &str| {
-            let mut found = element.properties.iter().filter(|it| it.name == name);
-            found.next().map(|property| property.kind)
-        };
         match element.name.as_str() {
             "vertex" => {
                 for axis in ["x", "y", "z"] {
-                    if !matches!(kind_of(axis), Some(Kind::Scalar(_))) {
+                    if !matches!(element.kind_of(axis), Some(Kind::Scalar(_))) {
                         return Err(format!("`vertex` has no scalar property `{axis}`"));
                     }
                 }

@@ -17,7 +17,7 @@ pub(crate) struct Triangulation {
 const NOT_SIMPLE: &str = "a polygon crosses itself or has no area; it becomes a fan of triangles";
 const TOO_LONG: &str =
     "a concave polygon has more than 65536 corners; it becomes a fan of triangles";
-/// Ear clipping takes up to the square of the number of corners: about five seconds for so many.
+/// Longer polygons are not clipped: the time of ear clipping grows up to quadratically.
 const MOST_CORNERS: usize = 1 << 16;
 
 /// Triangulates a polygon. Convex polygons become a fan from the first corner; concave polygons are triangulated by ear clipping.

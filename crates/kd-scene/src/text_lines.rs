@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::LoadError;
 use crate::source::Source;
+use crate::words::first_word;
 
 /// The line of a text that was taken last.
 #[derive(Debug)]
@@ -56,11 +57,9 @@ impl TextLines {
     /// The place in the text of the next word of the line.
     #[inline]
     pub(crate) fn word(&mut self) -> Option<Range<usize>> {
-        let rest = &self.text[self.at..];
-        let start = self.at + rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
-        let rest = &self.text[start..];
-        let length = rest.iter().position(u8::is_ascii_whitespace);
-        self.at = start + length.unwrap_or(rest.len());
-        Some(start..self.at)
+        let word = first_word(&self.text[self.at..])?;
+        let word = self.at + word.start..self.at + word.end;
+        self.at = word.end;
+        Some(word)
     }
 }

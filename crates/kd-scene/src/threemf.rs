@@ -11,7 +11,7 @@ use glam::{DAffine3, Vec3};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use crate::draft::{PartDraft, SurfaceIds, Transform};
+use crate::draft::{MOST_REPEATED, PartDraft, SurfaceIds, Transform};
 use crate::files::read_file;
 use crate::report::{Place, Report, Strictness, WarningCode};
 use crate::{LoadError, Material, SceneDescription, Surface};
@@ -59,12 +59,11 @@ pub(crate) fn read_3mf_with(
     reader.load(&root)?;
     let mut count: usize = 0;
     for item in reader.items(&root) {
-        /// A short file may repeat an object any number of times.
-        const MOST: usize = 1 << 26;
         count = count.saturating_add(reader.count(&item, 1)?.elements);
-        if count > MOST.saturating_add(reader.elements) {
-            let problem =
-                format!("the file repeats its objects to more than {MOST} vertices and triangles");
+        if count > MOST_REPEATED.saturating_add(reader.elements) {
+            let problem = format!(
+                "the file repeats its objects to more than {MOST_REPEATED} vertices and triangles"
+            );
             return Err(reader.bad(&item, problem));
         }
         reader.add(&item, DAffine3::IDENTITY)?;

@@ -1,5 +1,7 @@
 //! The words of a line of text, and the numbers among them.
 
+use std::ops::Range;
+
 /// The words of a line.
 #[derive(Clone, Debug)]
 pub(crate) struct Words<'a>(&'a [u8]);
@@ -15,14 +17,20 @@ impl<'a> Iterator for Words<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<&'a [u8]> {
-        let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t'..=b'\r');
-        let start = self.0.iter().position(|byte| !is_blank(byte))?;
-        let rest = &self.0[start..];
-        let end = rest.iter().position(is_blank).unwrap_or(rest.len());
-        let (word, rest) = rest.split_at(end);
+        let word = first_word(self.0)?;
+        let (before, rest) = self.0.split_at(word.end);
         self.0 = rest;
-        Some(word)
+        Some(&before[word.start..])
     }
+}
+
+/// The place of the first word of a text.
+#[inline]
+pub(crate) fn first_word(text: &[u8]) -> Option<Range<usize>> {
+    let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t'..=b'\r');
+    let start = text.iter().position(|byte| !is_blank(byte))?;
+    let length = text[start..].iter().position(is_blank);
+    Some(start..length.map_or(text.len(), |length| start + length))
 }
 
 /// The number of a word, rounded to the nearest `f32`; `None` for any other word.

@@ -64,7 +64,7 @@ fn corners(triangle: usize) -> [usize; 3] {
     }
 }
 
-/// An OBJ file of so many vertices.
+/// An OBJ file of `vertices` vertices.
 fn obj(vertices: usize) -> impl Read {
     use std::io::Write;
 
@@ -80,7 +80,7 @@ fn obj(vertices: usize) -> impl Read {
     })
 }
 
-/// A binary PLY file of so many vertices.
+/// A binary PLY file of `vertices` vertices.
 fn ply(vertices: usize) -> impl Read {
     let triangles = vertices - 2;
     let head = format!(

@@ -133,6 +133,21 @@ fn a_scene_has_the_colors_and_normals_of_vertices() {
 }
 
 #[test]
+#[cfg(feature = "scenes")]
+fn colors_that_are_no_colors_are_harmless() {
+    let path = std::env::temp_dir().join(format!("kd-ply-colors-{}.ply", std::process::id()));
+    let properties = "property float red\nproperty float green\nproperty float blue\nelement face";
+    let text = header("ascii", 3, 1).replace("element face", properties)
+        + "0 0 0 nan 0 0.5\n1 0 0 -2 inf 0\n0 1 0 0 0 7\n3 0 1 2\n";
+    std::fs::write(&path, text).expect("a temporary file");
+    let scene = kd_scene::load_scene_with(&path, &LoadOptions::new());
+    drop(std::fs::remove_file(&path));
+    let surface = &scene.expect("valid").value.parts[0].surface;
+    let expected = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    assert_eq!(surface.colors, [expected.map(glam::Vec3::from_array)]);
+}
+
+#[test]
 fn strips_become_triangles() {
     let text = header("ascii", 5, 1).replace("element face", "element tristrips");
     let mesh = read(text + "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n10 0 1 2 3 3 4 -1 2 3 4\n");

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::json::{Attributes, Node};
-use super::{Reader, rotation};
+use super::{Reader, rotation, vector};
 use crate::LoadError;
 
 /// The name of the extension.
@@ -68,8 +68,4 @@ impl Reader<'_> {
         };
         Ok((0..count).map(instance).collect())
     }
-}
-
-fn vector(numbers: [f32; 3]) -> DVec3 {
-    DVec3::from(numbers.map(f64::from))
 }

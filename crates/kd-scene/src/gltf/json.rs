@@ -223,7 +223,6 @@ pub(super) struct SpecularGlossiness {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Camera {
-    pub(super) r#type: String,
     pub(super) perspective: Option<Perspective>,
 }
 

@@ -60,7 +60,7 @@ impl Reader<'_> {
 }
 
 /// Scales the colors of the lights, in candela and lux, to what a renderer without distance falloff and exposure shows: as bright
-/// as they are in the middle of the scene, and 1 in sum.
+/// as they are in the middle of the scene, and 1 in the largest channel of their sum.
 pub(super) fn expose(scene: &mut SceneDescription) {
     let start = scene.span.map_or(0.0, |span| span.start);
     let placed = scene.placed_nodes(start);

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 
 use super::json::{self, Channel, Node, Sampler, Whole};
-use super::{Reader, at_rest, rotation};
+use super::{Reader, at_rest, rotation, vector};
 use crate::keys::sampled::{Interpolate, Sampled, Values};
 use crate::keys::{Curve, Keys};
 use crate::report::{Place, WarningCode};
@@ -131,9 +131,7 @@ impl Reader<'_> {
             motion.of(target, &node).rotation = Some(Curve::Sampled(sampled));
         } else {
             let values = self.numbers::<3>(sampler.output, false)?;
-            let values = values
-                .into_iter()
-                .map(|numbers| DVec3::from(numbers.map(f64::from)));
+            let values = values.into_iter().map(vector);
             let sampled = Some(Curve::Sampled(self.sampled(&curve, values.collect())?));
             let keys = motion.of(target, &node);
             if path == "scale" {

@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use glam::{DAffine3, DMat4, DVec3, Vec3};
+use glam::{DAffine3, DMat4, Vec3};
 
 use super::json::{self, Node, Whole};
 use super::primitive::{Offsets, Triangles};
-use super::{Enclosing, Reader};
+use super::{Enclosing, Reader, vector};
 use crate::draft::{PartDraft, Transform};
 use crate::keys::sampled::Sampled;
 use crate::{Deformation, LoadError, MorphTargets, Part, Skin};
@@ -156,8 +156,4 @@ fn add_offsets(target: &Offsets, transform: &Transform, first: usize, to: &mut V
         let moved = |offset: &[f32; 3]| transform.vector(vector(*offset)).as_vec3();
         to.extend(offsets.iter().map(moved));
     }
-}
-
-fn vector(numbers: [f32; 3]) -> DVec3 {
-    DVec3::from(numbers.map(f64::from))
 }

@@ -4,6 +4,7 @@ use crate::LoadError;
 use crate::error::quoted;
 use crate::report::{Place, Report, WarningCode};
 use crate::source::{LineEnd, Source};
+use crate::words::Words;
 
 /// How the data are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,9 +71,7 @@ pub(super) fn read_header(
     while let Some((line, end)) = source.line()? {
         lines += 1;
         let line = source.text(line).trim_ascii();
-        let mut words = line
-            .split(u8::is_ascii_whitespace)
-            .filter(|word| !word.is_empty());
+        let mut words = Words::new(line);
         let Some(keyword) = words
             .next()
             .filter(|word| !matches!(*word, b"comment" | b"obj_info"))
@@ -226,6 +225,15 @@ impl Scalar {
 }
 
 impl Element {
+    /// The type of a property; `None` if there is none of that name.
+    pub(super) fn kind_of(&self, name: &str) -> Option<Kind> {
+        let found = self
+            .properties
+            .iter()
+            .find(|property| property.name == name);
+        found.map(|property| property.kind)
+    }
+
     /// The number of bytes of an element with empty lists.
     pub(super) fn least_size(&self) -> usize {
         let sizes = self.properties.iter().map(|property| match property.kind {
