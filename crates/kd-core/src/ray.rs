@@ -3,12 +3,15 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
+use crate::Culling;
+
 /// A ray `origin + t * direction` for `t_min <= t <= t_max`.
 ///
 /// The direction need not have unit length: `t` is measured in multiples of it. A ray with a NaN or an infinite
-/// origin or direction, a zero direction, `t_min > t_max` or a mask of 0 is valid to trace, and hits nothing.
+/// origin or direction, a zero direction, `t_min > t_max`, a mask of 0 or a culling of both sides is valid to trace, and hits
+/// nothing.
 ///
-/// In memory it is nine words, in the order of its fields.
+/// In memory it is ten words, in the order of its fields.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ray {
@@ -20,9 +23,11 @@ pub struct Ray {
     pub t_min: f32,
     /// The upper end of the range of `t`, inclusive. May be infinite; a hit is always at a finite `t`.
     pub t_max: f32,
-    /// Bits of the geometry that the ray sees. Meshes and parts have no masks yet and count as having all bits: a ray with mask 0
-    /// hits nothing, and every other mask sees everything.
+    /// Bits of the parts that the ray sees: those whose own mask has one of them. A mesh alone, and a part of a scene whose mask
+    /// was not set, has all bits: a ray with mask 0 hits nothing, and every other mask sees it.
     pub mask: u32,
+    /// The sides of triangles that the ray passes through.
+    pub culling: Culling,
 }
 
 impl Ray {
@@ -34,6 +39,7 @@ impl Ray {
             t_min: 0.0,
             t_max: f32::INFINITY,
             mask: u32::MAX,
+            culling: Culling::NONE,
         }
     }
 
@@ -63,13 +69,28 @@ impl Ray {
         self
     }
 
+    /// The same ray with another [`culling`](Self::culling).
+    ///
+    /// ```
+    /// use kd_core::{Culling, Ray};
+    ///
+    /// let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]).with_culling(Culling::BACK);
+    /// assert!(ray.can_hit());
+    /// ```
+    #[must_use]
+    pub const fn with_culling(mut self, culling: Culling) -> Self {
+        self.culling = culling;
+        self
+    }
+
     /// The point at `t`, computed in f64 and rounded once.
     #[inline]
     pub fn at(&self, t: f32) -> Vec3 {
         (self.origin.as_dvec3() + f64::from(t) * self.direction.as_dvec3()).as_vec3()
     }
 
-    /// Whether the ray can hit anything: it is finite, and has a direction, a range and a mask. See [`Ray`].
+    /// Whether the ray can hit anything: it is finite, has a direction, a range and a mask, and sees some side of triangles. See
+    /// [`Ray`].
     #[inline]
     pub fn can_hit(&self) -> bool {
         self.origin.is_finite()
@@ -77,6 +98,7 @@ impl Ray {
             && self.direction != Vec3::ZERO
             && self.t_min <= self.t_max
             && self.mask != 0
+            && self.culling != Culling::BOTH
     }
 }
 
@@ -137,6 +159,7 @@ mod tests {
             good.with_range(f32::NAN, 1.0),
             good.with_range(0.0, f32::NAN),
             good.with_mask(0),
+            good.with_culling(Culling::BOTH),
             Ray::between([1.0; 3], [1.0; 3]),
             Ray::between([-3e38; 3], [3e38; 3]),
         ] {

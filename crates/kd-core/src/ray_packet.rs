@@ -1,6 +1,6 @@
 //! A packet of eight rays, one per lane.
 
-use crate::Ray;
+use crate::{Culling, Ray};
 use glam::Vec3;
 
 /// Eight rays as a structure of arrays: each field of [`Ray`] has eight lanes, one per ray.
@@ -31,9 +31,11 @@ pub struct RayPacket8 {
     pub t_max: [f32; 8],
     /// [`Ray::mask`] of each lane; 0 marks a lane without a ray.
     pub mask: [u32; 8],
+    /// [`Ray::culling`] of each lane.
+    pub culling: [Culling; 8],
 }
 
-/// Eight rays with origin 0, direction 0, `t` in [0, ∞) and a mask of all bits. The caller fills in the directions.
+/// Eight rays with origin 0, direction 0, `t` in [0, ∞), a mask of all bits and no culling. The caller fills in the directions.
 impl Default for RayPacket8 {
     fn default() -> Self {
         Self::new(&[Ray::new(Vec3::ZERO, Vec3::ZERO); 8])
@@ -58,6 +60,7 @@ impl RayPacket8 {
             t_min: [0.0; 8],
             t_max: [0.0; 8],
             mask: [0; 8],
+            culling: [Culling::NONE; 8],
         };
         for (lane, ray) in rays.iter().enumerate() {
             packet.set(lane, ray);
@@ -78,6 +81,7 @@ impl RayPacket8 {
             t_min: self.t_min[lane],
             t_max: self.t_max[lane],
             mask: self.mask[lane],
+            culling: self.culling[lane],
         }
     }
 
@@ -95,6 +99,7 @@ impl RayPacket8 {
         self.t_min[lane] = ray.t_min;
         self.t_max[lane] = ray.t_max;
         self.mask[lane] = ray.mask;
+        self.culling[lane] = ray.culling;
     }
 
     /// All eight rays, in the order of their lanes.
@@ -114,6 +119,7 @@ mod tests {
             Ray::new([x, x + 0.1, x + 0.2], [1.0 - x, -x, 0.5 * x])
                 .with_range(-x, x)
                 .with_mask(i.into())
+                .with_culling([Culling::NONE, Culling::BACK, Culling::FRONT][usize::from(i % 3)])
         };
         let rays: Vec<Ray> = (1..=8).map(ray).collect();
         let packet = RayPacket8::new(&rays);

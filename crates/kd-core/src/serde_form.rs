@@ -9,7 +9,7 @@ use serde::de::{Deserializer, Error, Visitor};
 use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 
-use crate::{Aabb, Mesh, MeshError, Ray, RayPacket8};
+use crate::{Aabb, Culling, Mesh, MeshError, Ray, RayPacket8};
 
 /// Any f32: a number, or `"inf"`, `"-inf"` and `"NaN"` in formats for people to read.
 #[derive(Clone, Copy)]
@@ -134,6 +134,9 @@ struct RayForm {
     t_min: Real,
     t_max: Real,
     mask: u32,
+    /// 1 for the back, 2 for the front, 3 for both.
+    #[serde(default)]
+    culling: u32,
 }
 
 impl From<&Ray> for RayForm {
@@ -144,6 +147,7 @@ impl From<&Ray> for RayForm {
             t_min: Real(ray.t_min),
             t_max: Real(ray.t_max),
             mask: ray.mask,
+            culling: ray.culling.bits(),
         }
     }
 }
@@ -156,6 +160,7 @@ impl From<RayForm> for Ray {
             t_min: form.t_min.0,
             t_max: form.t_max.0,
             mask: form.mask,
+            culling: Culling::of_bits(form.culling),
         }
     }
 }

@@ -45,4 +45,4 @@ pub mod strategies;
 pub mod trials;
 pub mod watertight;
 
-pub use check::{check, source};
+pub use check::{check, check_batch, check_ray, source};

@@ -11,24 +11,24 @@ pub use rays::*;
 use std::fmt;
 use std::sync::Arc;
 
-use kd_core::{Hit, Mesh, Ray, RayPacket8};
-use kd_trace::RayQuery;
+use kd_core::{Hit, Mesh, Ray};
+use kd_trace::{RayQuery, brute_force};
 
-use crate::check::{check, source};
+use crate::check::{check, check_batch, source};
 use crate::effort;
 use crate::rays::Rays;
 
 /// A structure under test.
 pub struct Structure<'a> {
     /// Its queries.
-    pub query: Box<dyn RayQuery<Hit = Hit> + 'a>,
+    pub query: Box<dyn RayQuery<Hit = Hit> + Sync + 'a>,
     /// Axis and position of planes that the structure divides space by: some rays begin or run in them. May be empty.
     pub planes: Vec<(usize, f32)>,
 }
 
 impl<'a> Structure<'a> {
     /// A structure and its planes.
-    pub fn new(query: impl RayQuery<Hit = Hit> + 'a, planes: Vec<(usize, f32)>) -> Self {
+    pub fn new(query: impl RayQuery<Hit = Hit> + Sync + 'a, planes: Vec<(usize, f32)>) -> Self {
         Self {
             query: Box::new(query),
             planes,
@@ -127,7 +127,10 @@ impl<'a> Over<'a> {
     }
 
     fn queries(&self) -> Vec<&dyn RayQuery<Hit = Hit>> {
-        self.structures.iter().map(|one| &*one.query).collect()
+        let queries = self.structures.iter();
+        queries
+            .map(|one| &*one.query as &dyn RayQuery<Hit = Hit>)
+            .collect()
     }
 
     /// Checks every query of a ray. Returns the number of hits.
@@ -142,29 +145,18 @@ impl<'a> Over<'a> {
         assert_eq!(self.check(ray), hits, "{}: {}", self.name, source(ray));
     }
 
-    /// Checks rays as one batch and in packets of eight, against the closest hit of each.
+    /// Checks every query of rays as one batch and in packets of eight.
     #[track_caller]
-    fn check_together(&self, rays: &[Ray], expected: &[Option<Hit>]) {
-        for (number, structure) in self.queries().into_iter().enumerate() {
-            let place = format!("{}, structure {number}, {} rays", self.name, rays.len());
-            // Earlier contents must not stay.
-            let mut hits = vec![expected.iter().flatten().next().copied(); rays.len()];
-            structure.intersect_batch(rays, &mut hits);
-            assert_eq!(hits, expected, "{place}");
-            let mut occluded = vec![true; rays.len()];
-            structure.occluded_batch(rays, &mut occluded);
-            let are_hit = expected.iter().map(Option::is_some);
-            assert!(are_hit.eq(occluded), "{place}: occluded");
-            for (rays, expected) in rays.chunks(8).zip(expected.chunks(8)) {
-                let packet = RayPacket8::new(rays);
-                let (hits, occluded) =
-                    (structure.intersect8(&packet), structure.occluded8(&packet));
-                for (lane, hit) in hits.into_iter().enumerate() {
-                    let expected = expected.get(lane).copied().flatten();
-                    assert_eq!(hit, expected, "{place}, lane {lane}");
-                    assert_eq!(occluded[lane], hit.is_some(), "{place}, lane {lane}");
-                }
-            }
+    fn check_together(&self, rays: &[Ray]) {
+        let expected = rays.iter().map(|ray| {
+            let mut hits = Vec::new();
+            brute_force::hits(self.mesh, ray, usize::MAX, &mut hits);
+            hits
+        });
+        let expected: Vec<Vec<Hit>> = expected.collect();
+        for (number, structure) in self.structures.iter().enumerate() {
+            let name = format!("{}, structure {number}", self.name);
+            check_batch(&name, &&*structure.query, rays, &expected);
         }
     }
 
@@ -190,8 +182,6 @@ impl<'a> Over<'a> {
 #[cfg(test)]
 mod tests {
     use std::panic::catch_unwind;
-
-    use kd_trace::brute_force;
 
     use super::*;
 

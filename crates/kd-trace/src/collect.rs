@@ -89,6 +89,8 @@ impl Collect for Any {
 pub struct Ordered<'a> {
     /// Upper limit on the number of hits; not 0.
     max: usize,
+    /// Only hits behind this one are kept.
+    behind: Option<Hit>,
     /// Sorted, each triangle once, while `sort_at` is `None`.
     out: &'a mut Vec<Hit>,
     /// The `t` of the last of `max` sorted hits; infinite for fewer.
@@ -120,12 +122,23 @@ impl<'a> Ordered<'a> {
     /// assert_eq!(out, [hit(1.0, 1), hit(2.0, 2)]);
     /// ```
     pub fn fill(out: &'a mut Vec<Hit>, max: usize, walk: impl FnOnce(&mut Self)) {
+        Self::fill_behind(out, None, max, walk);
+    }
+
+    /// [`fill`](Self::fill) with the first `max` hits behind one, which need not be a hit. `walk` may pass others, too.
+    pub fn fill_behind(
+        out: &'a mut Vec<Hit>,
+        behind: Option<Hit>,
+        max: usize,
+        walk: impl FnOnce(&mut Self),
+    ) {
         out.clear();
         if max == 0 {
             return;
         }
         let mut ordered = Self {
             max,
+            behind,
             out,
             limit: f32::INFINITY,
             sort_at: None,
@@ -189,6 +202,9 @@ impl Collect for Ordered<'_> {
     }
 
     fn take(&mut self, hit: Hit) -> ControlFlow<()> {
+        if self.behind.is_some_and(|last| !last.is_before(&hit)) {
+            return ControlFlow::Continue(());
+        }
         let near_end = self.out.len().saturating_sub(NEAR_END);
         let later = if self.sort_at.is_none() {
             self.out[near_end..].partition_point(|other| other.is_before(&hit))

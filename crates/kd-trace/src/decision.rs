@@ -6,7 +6,7 @@
 //! The steps are those of [`triangle`](crate::triangle). Nothing here may be contracted to a fused multiply-add: it would break
 //! the antisymmetry of edge functions. (Rust never does so by itself.)
 
-use kd_core::Hit;
+use kd_core::{Culling, Hit};
 use kd_simd::{Number, Real, Triple, each};
 
 /// See [`Sight::finer_weights`].
@@ -19,6 +19,30 @@ pub(crate) struct View<N> {
     pub(crate) shear: [N; 2],
     /// `t` per step along.
     pub(crate) scale: N,
+}
+
+/// Which sides of triangles a ray hits: known to the compiler for most rays.
+pub(crate) trait Sees: Copy {
+    /// Whether it hits the front, or else the back. `is_front` is called where that matters.
+    fn sees(self, is_front: impl FnOnce() -> bool) -> bool;
+}
+
+/// A ray without culling.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BothSides;
+
+impl Sees for BothSides {
+    #[inline(always)]
+    fn sees(self, _: impl FnOnce() -> bool) -> bool {
+        true
+    }
+}
+
+impl Sees for Culling {
+    #[inline(always)]
+    fn sees(self, is_front: impl FnOnce() -> bool) -> bool {
+        self.is_none() || Self::sees(self, is_front())
+    }
 }
 
 /// The corners of triangles as rays see them: across, and along.
@@ -46,19 +70,25 @@ impl<N: Real> View<N> {
 }
 
 impl View<f64> {
-    /// The hit of one ray with one triangle, if it is between `t_min` and `t_max`. The corners are given from the origin of the
-    /// ray: across, across and along. `triangle` is the slot that is reported.
+    /// The hit of one ray with one triangle, if it is between `t_min` and `t_max`, on a side that the ray sees. The corners are
+    /// given from the origin of the ray: across, across and along. `triangle` is the slot that is reported.
     #[inline(always)]
     pub(crate) fn hit<T: Triple<Number = f64>>(
         &self,
         corners: [T; 3],
         [t_min, t_max]: [f32; 2],
+        sees: impl Sees,
         triangle: u32,
     ) -> Option<Hit> {
         let sight = self.sight(corners);
         let weights = sight.deciding_weights();
         // As `are_inside`, with a branch for each: most misses end at the first.
         if !weights.is_one_sided() || !weights.sum().is_not_zero() {
+            return None;
+        }
+        // The axes are right-handed, and the weights are positive where the corners are clockwise from above. The ray looks from
+        // below where its direction along is positive.
+        if !sees.sees(|| (weights.sum() > 0.0) == (self.scale > 0.0)) {
             return None;
         }
         let hit = hit_at(sight.point(weights), triangle);
@@ -208,7 +238,7 @@ mod tests {
         fn run(self, simd: S) -> Self::Output {
             let [x, y, along] = self.corners;
             let corners = [simd.triple(x), simd.triple(y), simd.triple(along)];
-            let hit = self.view.hit(corners, [-10.0, 10.0], 7);
+            let hit = self.view.hit(corners, [-10.0, 10.0], BothSides, 7);
             hit.map(|hit| [hit.t, hit.u, hit.v].map(f32::to_bits))
         }
     }

@@ -31,6 +31,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use kd_wide::WideTree;
+
+use crate::PackedTree;
+use crate::dispatch::hits_of_one;
+
 pub use crate::collect::{Any, Closest, Collect, Ordered};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::probe::Probe;
@@ -38,3 +43,13 @@ pub use crate::triangle::TriangleTest;
 pub use kd_core::{Ray, RayPacket8};
 pub use kd_simd::{max, min};
 pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit, clusters, in_morton_order};
+
+/// Gives a collector every hit of a ray in wide nodes that it may want, some more than once, roughly front to back.
+pub fn collect_wide<C: Collect>(tree: &WideTree, ray: &Ray, collector: &mut C) {
+    hits_of_one(tree, ray, collector);
+}
+
+/// Gives a collector every hit of a ray in 8-byte nodes that it may want, some more than once, roughly front to back.
+pub fn collect_packed<C: Collect>(tree: &PackedTree, ray: &Ray, collector: &mut C) {
+    tree.walk(ray, collector, &mut ());
+}

@@ -62,7 +62,10 @@
 //! | `binary/` | traversal of 8-byte nodes: one ray at a time |
 //! | `wide/` | traversal of wide nodes: single rays, packets, tiles, streams, queues |
 //! | `dispatch.rs` | the entries of traversals of both layouts, compiled for each level |
-//! | `collect.rs`, `ray_query.rs` | which hits a query keeps; the query trait |
+//! | `collect.rs` | which hits a query keeps |
+//! | `ray_query.rs`, `ray_hit.rs` | the query trait, and what it knows of hits |
+//! | `each_hit.rs`, `filtered.rs` | hits one after another, and filters |
+//! | `hit_lists.rs`, `parallel.rs` | the hits of many rays, and batches on all threads |
 //! | `brute_force.rs` | every triangle, one by one |
 //!
 //! # What is a hit
@@ -95,9 +98,14 @@ mod collect;
 mod counters;
 mod decision;
 mod dispatch;
+mod each_hit;
+mod filtered;
+mod hit_lists;
 pub mod kit;
+mod parallel;
 mod planes;
 mod probe;
+mod ray_hit;
 mod ray_query;
 #[cfg(test)]
 mod search;
@@ -109,6 +117,10 @@ pub use binary::lazy;
 pub use binary::packed::{PackedArena, PackedTree};
 #[cfg(feature = "counters")]
 pub use counters::{CountedQuery, TraversalCounts, intersect_counted};
+pub use each_hit::EachHit;
+pub use filtered::Verdict;
+pub use hit_lists::HitLists;
 pub use kd_simd::Level;
 pub use kd_wide::{Division, Join, Joined, Refit, WideForest, WideTree};
+pub use ray_hit::RayHit;
 pub use ray_query::RayQuery;

@@ -19,7 +19,7 @@
 use std::ops::ControlFlow;
 
 use glam::Vec3;
-use kd_core::{Axis, Hit, Mesh, Ray, is_zero_area};
+use kd_core::{Axis, Culling, Hit, Mesh, Ray, is_zero_area};
 use kd_simd::{LANES, Three, Triple as _, each, max, min};
 use kd_wide::{Block, LaneCorners};
 
@@ -50,6 +50,7 @@ pub struct TriangleTest {
     view: View<f64>,
     t_min: f32,
     t_max: f32,
+    culling: Culling,
     filter: Filter,
 }
 
@@ -139,6 +140,7 @@ impl TriangleTest {
             },
             t_min: ray.t_min,
             t_max: ray.t_max,
+            culling: ray.culling,
             filter: Filter {
                 shear_x: shear_x as f32,
                 shear_y: shear_y as f32,
@@ -203,7 +205,7 @@ impl TriangleTest {
         [self.across_x, self.across_y, self.along]
     }
 
-    /// The hit within the ray's range, or `None`. A pure function of the ray and the corners; `triangle` is the slot that is
+    /// The hit within the ray's range, on a side that the ray sees, or `None`. A pure function of the ray and the corners; `triangle` is the slot that is
     /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
@@ -213,8 +215,8 @@ impl TriangleTest {
             let corners = Three([a[axis].into(), b[axis].into(), c[axis].into()]);
             corners.minus(f64::from(self.origin[axis]))
         });
-        self.view
-            .hit(from_origin, [self.t_min, self.t_max], triangle)
+        let range = [self.t_min, self.t_max];
+        self.view.hit(from_origin, range, self.culling, triangle)
     }
 
     /// [`decide`](Self::decide) for any triangle. Rounding may call a triangle of zero area hit, which never is.

@@ -41,7 +41,7 @@ use crate::dispatch::{
     any_of_each, any_of_one, closest_of_each, closest_of_one, hit_or_none, hits_of_one,
     trace_packet,
 };
-use crate::ray_query::RayQuery;
+use crate::ray_query::{RayQuery, rest_of};
 
 /// Batches detect coherent rays: runs of 64, from the first ray on, are traced together while they stay together. Other rays
 /// are sorted into coherent groups while that pays, and the rest is traced as streams, which are sorted
@@ -62,6 +62,13 @@ impl RayQuery for WideTree {
 
     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         Ordered::fill(out, max, |ordered| hits_of_one(self, ray, ordered));
+    }
+
+    fn hits_behind(&self, ray: &Ray, last: &Hit, max: usize, out: &mut Vec<Hit>) {
+        let rest = rest_of(ray, last);
+        Ordered::fill_behind(out, Some(*last), max, |ordered| {
+            hits_of_one(self, &rest, ordered)
+        });
     }
 
     fn intersect_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {

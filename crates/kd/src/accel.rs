@@ -169,7 +169,7 @@ impl Accel {
 }
 
 delegate_ray_query! {
-    impl RayQuery<Hit = Hit> for Accel: single, batch, packet;
+    impl RayQuery<Hit = Hit> for Accel: single, behind, batch, packet;
     Self { built: Built::Grid(grid), .. } => grid,
     Self { built: Built::Objects(wide), .. } => wide,
     Self { built: Built::Tree(tree), .. } => tree,

@@ -263,6 +263,13 @@ impl KdTree {
         self.layout.borrowed().hits(ray, max, out);
     }
 
+    /// The first `max` hits behind a hit of the ray, in the order of [`hits`](Self::hits). Clears `out` first.
+    ///
+    /// `last` need not be a hit of the ray: it stands for its place in the order.
+    pub fn hits_behind(&self, ray: &Ray, last: &Hit, max: usize, out: &mut Vec<Hit>) {
+        self.layout.borrowed().hits_behind(ray, last, max, out);
+    }
+
     /// The closest hit of each ray, equal to single calls.
     ///
     /// Batches detect coherent rays; the caller declares nothing. In the wide layout, every 64 rays in a row form a tile that
@@ -349,7 +356,7 @@ impl KdTree {
 }
 
 delegate_ray_query! {
-    impl RayQuery<Hit = Hit> for KdTree: single, batch, packet;
+    impl RayQuery<Hit = Hit> for KdTree: single, behind, batch, packet;
     tree => tree,
 }
 

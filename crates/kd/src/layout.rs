@@ -29,9 +29,10 @@
 
 use std::ops::ControlFlow;
 
-use kd_core::{Hit, Mesh, Tree};
+use kd_core::{Hit, Mesh, Ray, Tree};
 use kd_sah::{BuildError, BuildProgress};
 use kd_tasks::Cancelled;
+use kd_trace::kit::{self, Collect};
 use kd_trace::{Division, delegate_ray_query};
 
 use crate::{BuildOptions, Layout, MergeMethod, Strategy, WideNodes};
@@ -250,10 +251,18 @@ impl TreeLayoutRef<'_> {
             Self::Wide(tree) => tree.bytes(),
         }
     }
+
+    /// Gives the collector every hit of the ray that it may want.
+    pub(crate) fn collect<C: Collect>(self, ray: &Ray, collector: &mut C) {
+        match self {
+            Self::Binary(tree) => kit::collect_packed(tree, ray, collector),
+            Self::Wide(tree) => kit::collect_wide(tree, ray, collector),
+        }
+    }
 }
 
 delegate_ray_query! {
-    impl RayQuery<Hit = Hit> for TreeLayoutRef<'_>: single, batch, packet;
+    impl RayQuery<Hit = Hit> for TreeLayoutRef<'_>: single, behind, batch, packet;
     Self::Binary(tree) => tree,
     Self::Wide(tree) => tree,
 }

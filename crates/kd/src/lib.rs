@@ -126,17 +126,19 @@ mod counters;
 mod kd_tree;
 pub mod layout;
 mod lazy_tree;
+mod queries;
 pub mod scene;
 
 pub use accel::{Accel, RayBudget};
 pub use glam;
 pub use kd_core::{
-    Aabb, CostModel, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats, offset_origin,
+    Aabb, CostModel, Culling, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats,
+    offset_origin,
 };
 pub use kd_sah::{BuildError, BuildOptions, Method, WideNodes};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};
-pub use kd_trace::RayQuery;
+pub use kd_trace::{HitLists, RayQuery, Verdict};
 pub use kd_tree::KdTree;
 pub use lazy_tree::LazyTree;
 #[doc(inline)]
@@ -145,6 +147,11 @@ pub use scene::{Frame, FrameData, MergeMethod, PartId, Scene, Strategy};
 /// Builds: progress and threads.
 pub mod build {
     pub use kd_sah::{BuildProgress, ThreadsError};
+}
+
+/// Queries of any structure: what they know of hits, and hits one after another.
+pub mod query {
+    pub use kd_trace::{EachHit, RayHit};
 }
 
 /// Files: how strictly they are read, and what was left out.

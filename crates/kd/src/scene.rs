@@ -11,6 +11,7 @@ mod part;
 mod parts;
 mod plan;
 mod report;
+mod sight;
 mod strategy;
 
 use std::sync::Arc;
@@ -18,6 +19,7 @@ use std::sync::Arc;
 use glam::Affine3A;
 use kd_core::{MAX_TRIANGLES, Mesh};
 use kd_sah::BuildOptions;
+use kd_trace::Joined;
 
 pub use error::{CommitError, SceneError};
 pub use frame::{Frame, FrameData};
@@ -91,6 +93,10 @@ pub struct Scene {
     has_new_slots: bool,
     /// Number of commits: identifies what each of them moved.
     commits: u64,
+    /// The strategy of the last commit.
+    made_by: Option<Strategy>,
+    /// What joins the parts of the last frame.
+    joined: Joined,
     front: Arc<FrameData>,
     /// Earlier frames, the last one first. Some may still be traced.
     spares: Vec<Arc<FrameData>>,
@@ -115,6 +121,8 @@ impl Scene {
             number: SceneNumber::next(),
             next_slot: 0,
             commits: 0,
+            made_by: None,
+            joined: Joined::default(),
             front: Arc::default(),
             spares: Vec::new(),
             has_new_slots: false,
@@ -224,6 +232,35 @@ impl Scene {
             return Err(SceneError::NotFinite { part });
         }
         self.parts.change(place).transform = transform;
+        Ok(())
+    }
+
+    /// Sets the mask of a part, from the next commit on: a ray sees the part if its own [mask](kd_core::Ray::mask) has one of these
+    /// bits. All bits, unless it is set; with none, no ray sees the part. Instances have masks of their own.
+    ///
+    /// A commit builds and refits nothing for a mask.
+    ///
+    /// ```
+    /// use kd::{BuildOptions, Mesh, Ray, Scene};
+    ///
+    /// let square = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+    /// let mut scene = Scene::new(BuildOptions::default());
+    /// let glass = scene.add_static(square)?;
+    /// const FOR_SHADOWS: u32 = 2;
+    /// scene.set_mask(glass, !FOR_SHADOWS)?;
+    /// scene.commit()?;
+    /// let ray = Ray::new([0.2, 0.2, 5.0], [0.0, 0.0, -1.0]);
+    /// assert!(scene.frame().intersect(&ray).is_some());
+    /// assert!(!scene.frame().occluded(&ray.with_mask(FOR_SHADOWS)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::NoSuchPart`].
+    pub fn set_mask(&mut self, part: PartId, mask: u32) -> Result<(), SceneError> {
+        let place = self.place(part)?;
+        self.parts.set_mask(place, mask);
         Ok(())
     }
 

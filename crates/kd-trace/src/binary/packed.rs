@@ -21,6 +21,7 @@ use crate::binary::walk::{Begin, Walkable};
 use crate::collect::{Any, Closest, Collect, Ordered};
 use crate::dispatch::WalkPacked;
 use crate::probe::Probe;
+use crate::ray_query::rest_of;
 use crate::triangle::TriangleTest;
 
 pub use arena::PackedArena;
@@ -154,6 +155,14 @@ impl PackedTree {
     /// As [`hits`](crate::hits).
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
         Ordered::fill(out, max, |ordered| self.walk(ray, ordered, &mut ()));
+    }
+
+    /// As [`RayQuery::hits_behind`].
+    pub fn hits_behind(&self, ray: &Ray, last: &Hit, max: usize, out: &mut Vec<Hit>) {
+        let rest = rest_of(ray, last);
+        Ordered::fill_behind(out, Some(*last), max, |ordered| {
+            self.walk(&rest, ordered, &mut ())
+        });
     }
 
     /// [`intersect`](Self::intersect) for each ray, one after another.

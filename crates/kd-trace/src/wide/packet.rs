@@ -15,7 +15,7 @@ mod slabs;
 mod triangles;
 
 use kd_core::{Hit, RayPacket8};
-use kd_simd::{F32x8, LANES, Mask, Number, Simd, each, max_lane, min};
+use kd_simd::{F32x8, LANES, Mask, Number, Simd, max_lane, min};
 use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::limits::{LEAST_DIRECTION, MOST_COORDINATE, MOST_DIRECTION, fits};
@@ -124,7 +124,7 @@ impl<C: Collect> Found<C> {
     }
 }
 
-/// The lanes whose rays can hit something and are within the [limits](super::limits).
+/// The lanes whose rays can hit something, on either side, and are within the [limits](super::limits).
 #[inline(always)]
 fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as Number>::Mask {
     let [x, y, z] = &packet.origin;
@@ -145,7 +145,11 @@ fn usual<S: Simd>(simd: S, tree: &WideTree, packet: &RayPacket8) -> <S::F32 as N
         & z.le(most)
         & simd.splat(LEAST_DIRECTION).le(largest)
         & simd.load(&packet.t_min).le(simd.load(&packet.t_max));
-    let sees = each(packet.mask, |mask| if mask == 0 { 0.0 } else { 1.0 });
+    let mut sees = [0.0; LANES];
+    for (lane, sees) in sees.iter_mut().enumerate() {
+        let sees_both = (packet.mask[lane] != 0) & packet.culling[lane].is_none();
+        *sees = f32::from(u8::from(sees_both));
+    }
     is_near & is_usual & simd.splat(1.0).le(simd.load(&sees))
 }
 

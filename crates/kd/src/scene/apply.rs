@@ -24,7 +24,10 @@ impl Scene {
             Plan::Parts(plans) => self.apply_parts(&plans),
             Plan::Merged(plan) => self.apply_merge(plan),
             Plan::Whole(meshes, layout) => self.apply_whole(&meshes, layout),
+            Plan::Masks => (self.apply_masks(), self.joined),
         };
+        self.joined = joined;
+        self.made_by = Some(self.strategy.clone());
         self.has_new_slots = false;
         // Frames of another strategy are of no use to the next commit.
         let shape = mem::discriminant(&self.front.shape);
@@ -63,6 +66,7 @@ impl Scene {
                 id: part.id,
                 first_slot: first,
                 mesh: Arc::clone(mesh),
+                sight: part.sight(),
             }
         });
         let frame = FrameData {
@@ -90,6 +94,7 @@ impl Scene {
             id: part.id,
             first_slot: part.first_slot,
             mesh,
+            sight: part.sight(),
         });
         let frame = FrameData {
             shape: Shape::Merged(plan.trees),
@@ -126,14 +131,17 @@ impl Scene {
                 id: part.id,
                 first_slot: part.first_slot,
                 mesh: Arc::clone(&plan.mesh),
+                sight: part.sight(),
             });
         }
+        self.set_masks(&mut frame);
         if self.has_new_slots {
             self.renumber_slots(&mut forests);
             let parts = self.parts.all().map(|part| FramePart {
                 id: part.id,
                 first_slot: part.first_slot,
                 mesh: Arc::clone(frame.parts.mesh(part.id).expect("set now or before")),
+                sight: part.sight(),
             });
             frame.parts = parts.collect();
         }
@@ -159,6 +167,24 @@ impl Scene {
         frame.shape = Shape::Forests(forests);
         self.front = Arc::new(frame);
         (changes, joined)
+    }
+
+    /// Shows the frame before, with the masks that were set since.
+    fn apply_masks(&mut self) -> Vec<PartChange> {
+        let mut frame = self.next_frame();
+        self.set_masks(&mut frame);
+        frame.parts.fit();
+        self.front = Arc::new(frame);
+        Vec::new()
+    }
+
+    /// Gives the parts of a frame the masks that were set since the last commit.
+    fn set_masks(&mut self, frame: &mut FrameData) {
+        for id in self.parts.take_masked() {
+            if let Some(place) = self.parts.place(id) {
+                frame.parts.set_sight(id, self.parts.at(place).sight());
+            }
+        }
     }
 
     /// A frame equal to the front frame, to change: the front frame itself if it has no snapshots, else in the memory of an earlier frame
@@ -194,6 +220,8 @@ impl Scene {
     /// Shows a frame that has no wide nodes of parts.
     fn show_without_nodes(&mut self, frame: FrameData) {
         self.parts.take_changes(self.commits);
+        // The parts of the frame have them.
+        self.parts.take_masked();
         for part in self.parts.all_mut() {
             part.nodes = None;
         }

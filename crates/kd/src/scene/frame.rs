@@ -3,12 +3,14 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
-use kd_core::{Aabb, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
+use kd_core::{Aabb, Culling, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
+use kd_trace::kit::{Any, Closest, Collect, Ordered};
 use kd_trace::{RayQuery, WideForest, WideTree, delegate_ray_query};
 
 use super::PartId;
 use super::frame_parts::FrameParts;
 use super::merged::MergedTrees;
+use super::sight::Sieve;
 use crate::layout::{TreeLayout, TreeLayoutRef};
 
 /// All parts of a [`Scene`](crate::Scene) as they were at its last commit. It borrows the scene, and dereferences to
@@ -98,46 +100,71 @@ impl FrameData {
     /// The closest hit and its part, as [`KdTree::intersect`](crate::KdTree::intersect).
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<(PartId, Hit)> {
-        if let Some(tree) = self.only_tree() {
+        if let Some(tree) = self.only_tree()
+            && self.parts.sights().sees_all(ray)
+        {
             return tree.intersect(ray).map(|hit| self.of_part(hit));
         }
-        let mut trees = self.trees();
-        let mut closest = trees.next()?.intersect(ray);
-        for tree in trees {
-            closest = first_of(closest, tree.intersect(&up_to(ray, closest)));
-        }
-        closest.map(|hit| self.of_part(hit))
+        let mut closest = Closest::default();
+        self.collect(ray, &mut closest);
+        closest.0.map(|hit| self.of_part(hit))
     }
 
     /// Whether there is any hit, as [`KdTree::occluded`](crate::KdTree::occluded).
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        if let Some(tree) = self.only_tree() {
+        if let Some(tree) = self.only_tree()
+            && self.parts.sights().sees_all(ray)
+        {
             return tree.occluded(ray);
         }
-        self.trees().any(|tree| tree.occluded(ray))
+        let mut any = Any::default();
+        self.collect(ray, &mut any);
+        any.0
     }
 
     /// The first `max` hits, ordered by `t`, then by part, then by triangle, as [`KdTree::hits`](crate::KdTree::hits). Clears `out`
     /// first.
     pub fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<(PartId, Hit)>) {
+        let mut found = Vec::new();
+        Ordered::fill(&mut found, max, |ordered| self.collect(ray, ordered));
         out.clear();
-        let mut of_one = Vec::new();
-        for (number, tree) in self.trees().enumerate() {
-            // Hits beyond the last of `max` do not matter.
-            let last = out.last().filter(|_| out.len() == max);
-            tree.hits(&up_to(ray, last.map(|(_, hit)| *hit)), max, &mut of_one);
-            out.extend(of_one.iter().map(|hit| self.of_part(*hit)));
-            if number > 0 {
-                // No two are equal: each triangle is in one tree.
-                let key = |(part, hit): &(PartId, Hit)| (*part, hit.triangle);
-                out.sort_unstable_by(|a, b| a.1.t.total_cmp(&b.1.t).then(key(a).cmp(&key(b))));
-                out.truncate(max);
-            }
-        }
+        out.extend(found.into_iter().map(|hit| self.of_part(hit)));
     }
 
-    /// [`intersect`](Self::intersect) for many rays, as [`KdTree::intersect_batch`](crate::KdTree::intersect_batch).
+    /// The first `max` hits behind a place in the order of [`hits`](Self::hits), as
+    /// [`KdTree::hits_behind`](crate::KdTree::hits_behind). Clears `out` first.
+    pub fn hits_behind(
+        &self,
+        ray: &Ray,
+        last: &(PartId, Hit),
+        max: usize,
+        out: &mut Vec<(PartId, Hit)>,
+    ) {
+        let (part, hit) = *last;
+        let last = match self.parts.slot_of(part, hit.triangle) {
+            Some(slot) => Hit {
+                triangle: slot,
+                ..hit
+            },
+            // Before the first part: before all hits at this distance.
+            None => Hit {
+                t: hit.t.next_down(),
+                triangle: u32::MAX,
+                ..hit
+            },
+        };
+        let rest = ray.with_range(ray.t_min.max(hit.t), ray.t_max);
+        let mut found = Vec::new();
+        Ordered::fill_behind(&mut found, Some(last), max, |ordered| {
+            self.collect(&rest, ordered);
+        });
+        out.clear();
+        out.extend(found.into_iter().map(|hit| self.of_part(hit)));
+    }
+
+    /// [`intersect`](Self::intersect) for many rays, as [`KdTree::intersect_batch`](crate::KdTree::intersect_batch). Rays that do not
+    /// see all parts, or that cull sides where a part is mirrored, are traced one by one.
     ///
     /// # Panics
     ///
@@ -149,37 +176,43 @@ impl FrameData {
         let mut found = vec![None; rays.len().min(CHUNK)];
         for (rays, hits) in rays.chunks(CHUNK).zip(hits.chunks_mut(CHUNK)) {
             let found = &mut found[..rays.len()];
-            self.batch(rays, found);
+            self.answer_together(
+                rays,
+                found,
+                |rays, hits| self.batch(rays, hits),
+                |ray| {
+                    let mut closest = Closest::default();
+                    self.collect(ray, &mut closest);
+                    closest.0
+                },
+            );
             for (hit, found) in hits.iter_mut().zip(found) {
                 *hit = found.take().map(|hit| self.of_part(hit));
             }
         }
     }
 
-    /// [`occluded`](Self::occluded) for many rays, as [`KdTree::occluded_batch`](crate::KdTree::occluded_batch).
+    /// [`occluded`](Self::occluded) for many rays, as [`KdTree::occluded_batch`](crate::KdTree::occluded_batch). Rays that do not see
+    /// all parts, or that cull sides where a part is mirrored, are traced one by one.
     ///
     /// # Panics
     ///
     /// If the slices differ in length.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        let mut trees = self.trees();
-        let Some(first) = trees.next() else {
-            occluded.fill(false);
-            return;
-        };
-        first.occluded_batch(rays, occluded);
-        for tree in trees {
-            let mut by_this = vec![false; rays.len()];
-            tree.occluded_batch(rays, &mut by_this);
-            for (occluded, by_this) in occluded.iter_mut().zip(by_this) {
-                *occluded |= by_this;
-            }
-        }
+        self.answer_together(
+            rays,
+            occluded,
+            |rays, occluded| self.batch_occluded(rays, occluded),
+            |ray| self.occluded(ray),
+        );
     }
 
     /// [`intersect`](Self::intersect) for the ray of each lane, as [`KdTree::intersect8`](crate::KdTree::intersect8).
     pub fn intersect8(&self, packet: &RayPacket8) -> [Option<(PartId, Hit)>; 8] {
+        if !self.all_lanes_see_all(packet) {
+            return packet.rays().map(|ray| self.intersect(&ray));
+        }
         let mut hits = [None; 8];
         for tree in self.trees() {
             for (hit, other) in hits.iter_mut().zip(tree.intersect8(packet)) {
@@ -191,6 +224,9 @@ impl FrameData {
 
     /// [`occluded`](Self::occluded) for the ray of each lane, as [`KdTree::occluded8`](crate::KdTree::occluded8).
     pub fn occluded8(&self, packet: &RayPacket8) -> [bool; 8] {
+        if !self.all_lanes_see_all(packet) {
+            return packet.rays().map(|ray| self.occluded(&ray));
+        }
         let mut occluded = [false; 8];
         for tree in self.trees() {
             for (occluded, by_this) in occluded.iter_mut().zip(tree.occluded8(packet)) {
@@ -200,6 +236,64 @@ impl FrameData {
         occluded
     }
 
+    /// Gives the collector every hit of the ray that it may want, with slots for triangles.
+    fn collect<C: Collect>(&self, ray: &Ray, collector: &mut C) {
+        if !ray.can_hit() {
+            return;
+        }
+        if self.parts.sights().sees_all(ray) {
+            return self.collect_all(ray, collector);
+        }
+        let all = ray.with_mask(u32::MAX).with_culling(Culling::NONE);
+        self.collect_all(&all, &mut Sieve::new(&self.parts, ray, collector));
+    }
+
+    /// [`collect`](Self::collect) for a ray that sees all parts.
+    fn collect_all<C: Collect>(&self, ray: &Ray, collector: &mut C) {
+        for tree in self.trees() {
+            tree.collect(&up_to(ray, collector.limit()), collector);
+            if collector.is_done() {
+                return;
+            }
+        }
+    }
+
+    fn all_lanes_see_all(&self, packet: &RayPacket8) -> bool {
+        let sights = self.parts.sights();
+        // A lane with mask 0 has no ray.
+        let mut rays = packet.rays().into_iter().filter(|ray| ray.mask != 0);
+        rays.all(|ray| sights.sees_all(&ray))
+    }
+
+    /// Answers rays that see all parts together, and each of the others alone.
+    fn answer_together<A: Copy + Default>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [A],
+        together: impl Fn(&[Ray], &mut [A]),
+        alone: impl Fn(&Ray) -> A,
+    ) {
+        let sights = self.parts.sights();
+        if rays.iter().all(|ray| sights.sees_all(ray)) {
+            return together(rays, answers);
+        }
+        let (mut seeing, mut places) = (Vec::new(), Vec::new());
+        for (place, (ray, answer)) in rays.iter().zip(&mut *answers).enumerate() {
+            if sights.sees_all(ray) {
+                seeing.push(*ray);
+                places.push(place);
+            } else {
+                *answer = alone(ray);
+            }
+        }
+        let mut answers_of_seeing = vec![A::default(); seeing.len()];
+        together(&seeing, &mut answers_of_seeing);
+        for (place, answer) in places.into_iter().zip(answers_of_seeing) {
+            answers[place] = answer;
+        }
+    }
+
+    /// The closest hit of each of some rays that see all parts, with slots for triangles.
     fn batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         let mut trees = self.trees();
         let Some(first) = trees.next() else {
@@ -209,11 +303,29 @@ impl FrameData {
         first.intersect_batch(rays, hits);
         for tree in trees {
             let pairs = rays.iter().zip(&*hits);
-            let shorter: Vec<Ray> = pairs.map(|(ray, hit)| up_to(ray, *hit)).collect();
+            let shorter = pairs.map(|(ray, hit)| hit.map_or(*ray, |hit| up_to(ray, hit.t)));
+            let shorter: Vec<Ray> = shorter.collect();
             let mut others = vec![None; rays.len()];
             tree.intersect_batch(&shorter, &mut others);
             for (hit, other) in hits.iter_mut().zip(others) {
                 *hit = first_of(*hit, other);
+            }
+        }
+    }
+
+    /// Whether each of some rays that see all parts hits anything.
+    fn batch_occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        let mut trees = self.trees();
+        let Some(first) = trees.next() else {
+            occluded.fill(false);
+            return;
+        };
+        first.occluded_batch(rays, occluded);
+        for tree in trees {
+            let mut by_this = vec![false; rays.len()];
+            tree.occluded_batch(rays, &mut by_this);
+            for (occluded, by_this) in occluded.iter_mut().zip(by_this) {
+                *occluded |= by_this;
             }
         }
     }
@@ -244,9 +356,9 @@ impl FrameData {
     /// The part of a hit, and the hit with the triangle's number in that part.
     #[inline]
     fn of_part(&self, hit: Hit) -> (PartId, Hit) {
-        let (part, first_slot) = self.parts.of_slot(hit.triangle);
-        let triangle = hit.triangle - first_slot;
-        (part, Hit { triangle, ..hit })
+        let part = self.parts.of_slot(hit.triangle);
+        let triangle = hit.triangle - part.first_slot;
+        (part.id, Hit { triangle, ..hit })
     }
 
     /// Makes this frame equal to `with`. Copies only what has changed, if it is an earlier one of the same scene.
@@ -264,19 +376,19 @@ impl FrameData {
 }
 
 delegate_ray_query! {
-    impl RayQuery<Hit = (PartId, Hit)> for FrameData: single, batch, packet;
+    impl RayQuery<Hit = (PartId, Hit)> for FrameData: single, behind, batch, packet;
     frame => frame,
 }
 
 delegate_ray_query! {
-    impl RayQuery<Hit = (PartId, Hit)> for Frame<'_>: single, batch, packet;
+    impl RayQuery<Hit = (PartId, Hit)> for Frame<'_>: single, behind, batch, packet;
     frame => frame.data,
 }
 
-/// The ray up to a hit, inclusive.
+/// A ray that can hit, up to a limit, inclusive.
 #[inline]
-fn up_to(ray: &Ray, hit: Option<Hit>) -> Ray {
-    hit.map_or(*ray, |hit| ray.with_range(ray.t_min, hit.t))
+fn up_to(ray: &Ray, limit: f32) -> Ray {
+    ray.with_range(ray.t_min, ray.t_max.min(limit))
 }
 
 #[inline]

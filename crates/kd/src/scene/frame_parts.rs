@@ -6,6 +6,7 @@ use std::sync::Arc;
 use kd_core::{Aabb, Mesh};
 
 use super::PartId;
+use super::sight::{Sight, Sights};
 
 /// The most parts of a group. A frame copies the groups of parts that have changed, and visits all groups.
 const MOST: usize = 256;
@@ -17,6 +18,16 @@ pub(super) struct FramePart {
     /// Its first slot.
     pub(super) first_slot: u32,
     pub(super) mesh: Arc<Mesh>,
+    pub(super) sight: Sight,
+}
+
+/// A part of a frame that has a slot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PartOfSlot<'a> {
+    pub(super) id: PartId,
+    pub(super) first_slot: u32,
+    pub(super) mesh: &'a Mesh,
+    pub(super) sight: Sight,
 }
 
 /// Parts in the order of their ids, and so of their slots.
@@ -24,6 +35,8 @@ pub(super) struct FramePart {
 pub(super) struct FrameParts {
     groups: Vec<Group>,
     count: usize,
+    /// Of all groups. Fitted with their boxes.
+    sights: Sights,
 }
 
 /// Parts that follow each other. At least one.
@@ -32,8 +45,8 @@ struct Group {
     /// Those of its first part, or lower ones of a part that was removed.
     first_id: PartId,
     first_slot: u32,
-    /// The box around its meshes; `None` until [`FrameParts::fit`] after a change.
-    bounds: Option<Aabb>,
+    /// The box around its meshes, and who sees them; `None` until [`FrameParts::fit`] after a change.
+    fitted: Option<(Aabb, Sights)>,
     members: Arc<Members>,
 }
 
@@ -45,6 +58,7 @@ struct Members {
     meshes: Vec<Arc<Mesh>>,
     /// The boxes of the meshes.
     boxes: Vec<Aabb>,
+    sights: Vec<Sight>,
 }
 
 impl FrameParts {
@@ -58,16 +72,26 @@ impl FrameParts {
 
     /// The box around all meshes. There were no changes since [`fit`](Self::fit).
     pub(super) fn bounds(&self) -> Aabb {
-        let boxes = self.groups.iter().map(|group| group.bounds.as_ref());
-        around(boxes.map(|bounds| bounds.expect("fitted after changes")))
+        let boxes = self.groups.iter().map(|group| group.fitted.as_ref());
+        around(boxes.map(|fitted| &fitted.expect("fitted after changes").0))
     }
 
-    /// Fits the box to the meshes, after all changes.
+    /// Which rays see all parts. There were no changes since [`fit`](Self::fit).
+    #[inline]
+    pub(super) fn sights(&self) -> &Sights {
+        &self.sights
+    }
+
+    /// Fits the box to the meshes, and notes which rays see all of them, after all changes.
     pub(super) fn fit(&mut self) {
-        let groups = self.groups.iter_mut();
-        for group in groups.filter(|group| group.bounds.is_none()) {
-            group.bounds = Some(around(&group.members.boxes));
+        let mut sights = Sights::default();
+        for group in &mut self.groups {
+            let members = &group.members;
+            let fit = || (around(&members.boxes), Sights::of(&members.sights));
+            let (_, of_group) = group.fitted.get_or_insert_with(fit);
+            sights = sights.and(of_group);
         }
+        self.sights = sights;
     }
 
     /// The mesh of a part.
@@ -79,14 +103,50 @@ impl FrameParts {
 
     /// The part of a slot that has a triangle, and its first slot.
     #[inline]
-    pub(super) fn of_slot(&self, slot: u32) -> (PartId, u32) {
+    pub(super) fn of_slot(&self, slot: u32) -> PartOfSlot<'_> {
         // Of parts with the same first slot only the last has triangles.
         let after = self
             .groups
             .partition_point(|group| group.first_slot <= slot);
         let members = &self.groups[after - 1].members;
         let after = members.first_slots.partition_point(|first| *first <= slot);
-        (members.ids[after - 1], members.first_slots[after - 1])
+        PartOfSlot {
+            id: members.ids[after - 1],
+            first_slot: members.first_slots[after - 1],
+            mesh: &members.meshes[after - 1],
+            sight: members.sights[after - 1],
+        }
+    }
+
+    /// The slot of a triangle of a part. For a part that is not in the frame, the last slot before those of the next part; `None`
+    /// if there is none.
+    pub(super) fn slot_of(&self, id: PartId, triangle: u32) -> Option<u32> {
+        let Some(number) = self.group_of(id) else {
+            return None;
+        };
+        let members = &self.groups[number].members;
+        match members.ids.binary_search(&id) {
+            Ok(place) => Some(members.first_slots[place].saturating_add(triangle)),
+            Err(place) => {
+                let next = members.first_slots.get(place);
+                let next = next.or_else(|| {
+                    let next = self.groups.get(number + 1)?;
+                    next.members.first_slots.first()
+                });
+                next.map_or(Some(u32::MAX), |first| first.checked_sub(1))
+            }
+        }
+    }
+
+    /// Sets who sees a part, if it is there.
+    pub(super) fn set_sight(&mut self, id: PartId, sight: Sight) {
+        let Some(number) = self.group_of(id) else {
+            return;
+        };
+        let group = &mut self.groups[number];
+        if let Ok(place) = group.members.ids.binary_search(&id) {
+            group.change(|members| members.sights[place] = sight);
+        }
     }
 
     /// Adds a part behind all others, or replaces it.
@@ -95,6 +155,7 @@ impl FrameParts {
             id,
             first_slot,
             mesh,
+            sight,
         } = part;
         let bounds = mesh.bounds();
         let number = self.group_of(id);
@@ -107,6 +168,7 @@ impl FrameParts {
                 members.first_slots[place] = first_slot;
                 members.meshes[place] = mesh;
                 members.boxes[place] = bounds;
+                members.sights[place] = sight;
             });
             return;
         }
@@ -119,7 +181,7 @@ impl FrameParts {
                 self.groups.push(Group {
                     first_id: id,
                     first_slot,
-                    bounds: None,
+                    fitted: None,
                     members: Arc::default(),
                 });
                 self.groups.last_mut().expect("just added")
@@ -130,6 +192,7 @@ impl FrameParts {
             members.ids.push(id);
             members.meshes.push(mesh);
             members.boxes.push(bounds);
+            members.sights.push(sight);
         });
     }
 
@@ -152,6 +215,7 @@ impl FrameParts {
             members.ids.remove(place);
             members.meshes.remove(place);
             members.boxes.remove(place);
+            members.sights.remove(place);
         });
     }
 
@@ -205,7 +269,7 @@ impl Group {
     /// Changes the parts, in memory that no other frame shares.
     fn change(&mut self, change: impl FnOnce(&mut Members)) {
         change(Arc::make_mut(&mut self.members));
-        self.bounds = None;
+        self.fitted = None;
     }
 }
 

@@ -10,6 +10,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::Affine3A;
 use kd_core::Mesh;
 
+use super::sight::Sight;
+
 /// The name of a part of a [`Scene`](crate::Scene). An id is never given to another part of the same scene, not even after the
 /// part was removed. Ids are ordered as their parts were added.
 ///
@@ -145,6 +147,8 @@ pub(super) struct Part {
     /// Before the transform.
     pub(super) mesh: Arc<Mesh>,
     pub(super) transform: Affine3A,
+    /// A ray sees the part if its mask has one of these bits.
+    pub(super) mask: u32,
     /// Whether instances were added of it, which change with its mesh.
     pub(super) has_instances: bool,
     /// Whether its mesh or transform has changed since the last commit.
@@ -175,6 +179,7 @@ impl Part {
             role,
             mesh,
             transform,
+            mask: u32::MAX,
             has_instances: false,
             is_changed: true,
             is_removed: false,
@@ -189,6 +194,10 @@ impl Part {
     pub(super) fn area_scale(&self) -> f64 {
         let volume = f64::from(self.transform.matrix3.determinant().abs());
         volume.powf(2.0 / 3.0)
+    }
+
+    pub(super) fn sight(&self) -> Sight {
+        Sight::new(self.mask, &self.transform)
     }
 
     pub(super) fn version(&self) -> PartVersion {

@@ -16,6 +16,8 @@ pub(super) struct Parts {
     changed: Vec<PartId>,
     /// Parts that were removed since the last commit.
     gone: Vec<Gone>,
+    /// Parts whose masks have changed since the last commit; some may be removed since.
+    masked: Vec<PartId>,
 }
 
 /// A part that is removed, and its nodes in the last frame.
@@ -91,6 +93,25 @@ impl Parts {
             self.changed.push(part.id);
         }
         part
+    }
+
+    /// Sets the mask of the part at an index, from the next commit on.
+    pub(super) fn set_mask(&mut self, place: usize, mask: u32) {
+        let part = &mut self.all[place];
+        if part.mask != mask {
+            part.mask = mask;
+            self.masked.push(part.id);
+        }
+    }
+
+    /// Whether nothing but masks has changed since the last commit.
+    pub(super) fn are_unchanged(&self) -> bool {
+        self.changed.is_empty() && self.gone.is_empty()
+    }
+
+    /// The parts whose masks have changed since the last commit, each at least once. Ends these changes.
+    pub(super) fn take_masked(&mut self) -> Vec<PartId> {
+        std::mem::take(&mut self.masked)
     }
 
     /// All parts.

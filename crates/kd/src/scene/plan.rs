@@ -23,6 +23,8 @@ pub(super) enum Plan {
     Whole(Vec<Arc<Mesh>>, Box<TreeLayout>),
     /// One kd-tree, merged from those of the parts.
     Merged(MergePlan),
+    /// The frame before, with other masks.
+    Masks,
 }
 
 /// A merged kd-tree with what later commits reuse of it.
@@ -58,6 +60,9 @@ pub(super) enum Nodes {
 
 impl Scene {
     pub(super) fn plan(&mut self) -> Result<Plan, CommitError> {
+        if self.parts.are_unchanged() && self.made_by.as_ref() == Some(&self.strategy) {
+            return Ok(Plan::Masks);
+        }
         let policy = LayoutPolicy::new(&self.options);
         let frames = policy.frames_of(&self.strategy);
         match frames.ok_or_else(|| CommitError::Layout {

@@ -122,7 +122,7 @@ impl<Q: BatchQuery> BatchRay<Avx2> for Avx2BatchRay<Q> {
 fn usual(ray: &Ray, frame: &Frame) -> Option<NodeRay> {
     match NodeRay::usual(&Numbers::of(ray), frame) {
         Prepared::Usual(nodes) => Some(nodes),
-        Prepared::Unusual | Prepared::Miss => None,
+        Prepared::Unusual => None,
     }
 }
 

@@ -17,8 +17,8 @@ pub(super) struct Numbers {
     pub(super) direction: __m128,
     pub(super) t_min: f32,
     pub(super) t_max: f32,
-    /// Whether its mask is empty.
-    sees_nothing: bool,
+    /// Whether its mask is empty, or it has a culling.
+    sees_less: bool,
 }
 
 impl Numbers {
@@ -32,7 +32,7 @@ impl Numbers {
             direction: in_register(ray.direction),
             t_min: ray.t_min,
             t_max: ray.t_max,
-            sees_nothing: ray.mask == 0,
+            sees_less: (ray.mask == 0) | !ray.culling.is_none(),
         }
     }
 
@@ -50,7 +50,7 @@ impl Numbers {
             direction: in_register(&ray.direction),
             t_min: read_alone(&ray.t_min),
             t_max: read_alone(&ray.t_max),
-            sees_nothing: ray.mask == 0,
+            sees_less: (ray.mask == 0) | !ray.culling.is_none(),
         }
     }
 
@@ -145,15 +145,13 @@ const fn rows() -> [Rows; 8] {
 pub(super) enum Prepared {
     /// With its numbers in the usual range.
     Usual(NodeRay),
-    /// With other numbers: for [`PortableRay`](crate::wide::portable::PortableRay).
+    /// With other numbers: for [`PortableRay`](crate::wide::portable::PortableRay). Or with a culling, or it cannot hit anything.
     Unusual,
-    /// It cannot hit anything.
-    Miss,
 }
 
 impl NodeRay {
     /// A ray whose numbers are in the range where nothing overflows or loses bits: coordinates of the origin up to
-    /// [`Frame::usual_origin`], the largest component of the direction between 2⁻³⁰ and 2⁶².
+    /// [`Frame::usual_origin`], the largest component of the direction between 2⁻³⁰ and 2⁶². It sees both sides of triangles.
     ///
     /// Directions below 2⁻⁹⁰ are taken for 2⁻⁹⁰, which is less than 2⁻⁶⁰ of the largest.
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
@@ -173,8 +171,8 @@ impl NodeRay {
         }
         // Also false for NaN.
         let is_range = ray.t_min <= ray.t_max;
-        if !is_range | ray.sees_nothing {
-            return Prepared::Miss;
+        if !is_range | ray.sees_less {
+            return Prepared::Unusual;
         }
         let sign = _mm_set1_ps(-0.0);
         let slopes = _mm_or_ps(

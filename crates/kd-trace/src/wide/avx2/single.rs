@@ -7,11 +7,13 @@
 //!   [interval of its depth](candidates), and the nearest one that is surely hit ends the ray. Candidates are decided at once only
 //!   where intervals overlap, or where a hit is not sure.
 //! - The hit is returned in registers.
+//!
+//! A ray with a culling traverses in the same loop, and decides every candidate.
 
 use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
-use kd_core::{Hit, Ray};
+use kd_core::{Culling, Hit, Ray};
 use kd_simd::{Avx2, min};
 use kd_wide::{Block, WIDTH};
 
@@ -19,6 +21,7 @@ use super::nodes::{NodeRay, Numbers, Prepared, enter};
 use super::opaque;
 use super::triangles::{Lanes, TriangleRay, candidates};
 use crate::collect::{self, Collect};
+use crate::decision::{BothSides, Sees};
 use crate::dispatch::NO_HIT;
 use crate::probe::Probe;
 use crate::wide::eight::BlockLane;
@@ -36,10 +39,9 @@ const NOTHING: u32 = u32::MAX;
 pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
-        Prepared::Miss => NO_HIT,
         Prepared::Unusual => {
             let mut closest = collect::Closest::default();
-            trace_unusual(subtree, ray, &mut closest, probe);
+            trace_unusual(simd, subtree, ray, &mut closest, probe);
             closest.0.unwrap_or(NO_HIT)
         }
         Prepared::Usual(nodes) => {
@@ -64,10 +66,9 @@ pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, pro
 pub(super) fn any<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
-        Prepared::Miss => false,
         Prepared::Unusual => {
             let mut any = collect::Any::default();
-            trace_unusual(subtree, ray, &mut any, probe);
+            trace_unusual(simd, subtree, ray, &mut any, probe);
             any.0
         }
         Prepared::Usual(nodes) => {
@@ -98,11 +99,15 @@ pub(super) fn collect<C: Collect, P: Probe>(
 ) {
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
-        Prepared::Miss => {}
-        Prepared::Unusual => trace_unusual(subtree, ray, collector, probe),
+        Prepared::Unusual => trace_unusual(simd, subtree, ray, collector, probe),
         Prepared::Usual(nodes) => {
             let mut progress = Progress::new(&nodes);
-            let mut query = Collecting { simd, collector };
+            let sees = BothSides;
+            let mut query = Collecting {
+                simd,
+                sees,
+                collector,
+            };
             trace(
                 subtree,
                 || numbers,
@@ -119,11 +124,36 @@ pub(super) fn collect<C: Collect, P: Probe>(
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 fn trace_unusual<C: Collect, P: Probe>(
+    simd: Avx2,
     subtree: Subtree<'_>,
     ray: &Ray,
     collector: &mut C,
     probe: &mut P,
 ) {
+    if !ray.can_hit() {
+        return;
+    }
+    if !ray.culling.is_none() {
+        let numbers = Numbers::of(&ray.with_culling(Culling::NONE));
+        if let Prepared::Usual(nodes) = NodeRay::usual(&numbers, subtree.tree().frame()) {
+            let mut progress = Progress::new(&nodes);
+            let sees = ray.culling;
+            let mut query = Collecting {
+                simd,
+                sees,
+                collector,
+            };
+            trace(
+                subtree,
+                || numbers,
+                &nodes,
+                &mut progress,
+                &mut query,
+                probe,
+            );
+            return;
+        }
+    }
     if let Some(ray) = PortableRay::new(ray, subtree.tree().frame()) {
         walk(subtree, &ray, collector, probe);
     }
@@ -392,7 +422,7 @@ fn first_of(best: Hit, hit: Hit) -> Hit {
 fn decide_closest(simd: Avx2, ray: &TriangleRay, best: Hit, block: &Block, lanes: u32) -> Hit {
     let mut best = best;
     for lane in Lanes(lanes) {
-        if let Some(hit) = ray.decide(simd, block, lane) {
+        if let Some(hit) = ray.decide(simd, block, lane, BothSides) {
             best = first_of(best, hit);
         }
     }
@@ -445,7 +475,14 @@ impl Any {
         let mut any = collect::Any(candidates.sure != 0);
         if !any.0 {
             // What it returns is whether there is a hit.
-            let _ = ray.take_each(self.simd, block, candidates.lanes, &mut any, probe);
+            let _ = ray.take_each(
+                self.simd,
+                block,
+                candidates.lanes,
+                BothSides,
+                &mut any,
+                probe,
+            );
         }
         if !any.0 {
             return ControlFlow::Continue(());
@@ -456,13 +493,14 @@ impl Any {
     }
 }
 
-/// Every hit that a collector may want.
-struct Collecting<'c, C> {
+/// Every hit that a collector may want, on the sides that the ray sees.
+struct Collecting<'c, C, V> {
     simd: Avx2,
+    sees: V,
     collector: &'c mut C,
 }
 
-impl<C: Collect> Query for Collecting<'_, C> {
+impl<C: Collect, V: Sees> Query for Collecting<'_, C, V> {
     const ANY: bool = C::ANY;
 
     #[inline(always)]
@@ -478,7 +516,7 @@ impl<C: Collect> Query for Collecting<'_, C> {
     }
 }
 
-impl<C: Collect> Collecting<'_, C> {
+impl<C: Collect, V: Sees> Collecting<'_, C, V> {
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline]
     fn visit<P: Probe, Caller>(
@@ -491,7 +529,12 @@ impl<C: Collect> Collecting<'_, C> {
         let Some(candidates) = candidates::<(Self, P, Caller)>(ray, block, limit.depth) else {
             return ControlFlow::Continue(());
         };
-        ray.take_each(self.simd, block, candidates.lanes, self.collector, probe)?;
+        let Self {
+            simd,
+            sees,
+            collector,
+        } = self;
+        ray.take_each(*simd, block, candidates.lanes, *sees, *collector, probe)?;
         limit.steps = min(self.collector.limit(), limit.steps);
         limit.depth = limit.steps * ray.speed;
         ControlFlow::Continue(())

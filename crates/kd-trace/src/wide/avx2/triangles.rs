@@ -13,7 +13,7 @@ use kd_wide::{Block, WIDTH};
 use super::nodes::{Numbers, sizes};
 use super::{ROW, read_alone};
 use crate::collect::Collect;
-use crate::decision::View;
+use crate::decision::{Sees, View};
 use crate::planes::{Frame, PER_STEP};
 use crate::probe::Probe;
 use crate::triangle::{BLUR, SLOPE};
@@ -341,7 +341,13 @@ impl TriangleRay {
     /// Inlined, so that a hit stays in registers. (Returned through memory, it took 6 % of the time of random rays in a game level:
     /// `cargo xtask rays --scenes DIR --scene czest2ctf`, 2026-11-30.)
     #[inline(always)]
-    pub(super) fn decide(&self, simd: Avx2, block: &Block, lane: usize) -> Option<Hit> {
+    pub(super) fn decide(
+        &self,
+        simd: Avx2,
+        block: &Block,
+        lane: usize,
+        sees: impl Sees,
+    ) -> Option<Hit> {
         let corners = [
             simd.triple(self.coordinates(block, lane, 0))
                 .minus(self.origin[0].into()),
@@ -356,23 +362,25 @@ impl TriangleRay {
             shear: [shear_x, shear_y],
             scale,
         };
-        view.hit(corners, [self.t_min, self.t_max], block.triangles[lane])
+        let range = [self.t_min, self.t_max];
+        view.hit(corners, range, sees, block.triangles[lane])
     }
 
     /// Decides some lanes of a block, and passes their hits to a collector. Breaks if the collector does.
     #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
     #[inline(never)]
-    pub(super) fn take_each<C: Collect, P: Probe>(
+    pub(super) fn take_each<V: Sees, C: Collect, P: Probe>(
         &self,
         simd: Avx2,
         block: &Block,
         lanes: u32,
+        sees: V,
         collector: &mut C,
         probe: &mut P,
     ) -> ControlFlow<()> {
         for lane in Lanes(lanes) {
             probe.decision();
-            if let Some(hit) = self.decide(simd, block, lane) {
+            if let Some(hit) = self.decide(simd, block, lane, sees) {
                 collector.take(hit)?;
             }
         }
@@ -405,6 +413,7 @@ mod tests {
 
     use super::super::nodes::{NodeRay, Prepared};
     use super::*;
+    use crate::decision::BothSides;
 
     /// Between -1 and 1.
     fn number(rng: &mut Rng) -> f32 {
@@ -485,7 +494,7 @@ mod tests {
             // SAFETY: the same.
             let found = unsafe { candidates::<()>(&test, &block, f32::MAX) };
             for lane in 0..WIDTH {
-                let decided = test.decide(simd, &block, lane);
+                let decided = test.decide(simd, &block, lane, BothSides);
                 let is_in = |lanes: u32| lanes >> lane & 1 != 0;
                 let Some(hit) = decided else {
                     let is_sure = found.is_some_and(|found| is_in(found.sure));

@@ -146,7 +146,7 @@ impl Tile {
     }
 
     /// Reads slopes, ends and speeds. Returns whether all rays share one origin; `None` if their directions differ in axis or
-    /// sign.
+    /// sign, or if a ray sees nothing or one side only.
     #[inline(always)]
     fn read<S: Simd>(
         &mut self,
@@ -157,7 +157,7 @@ impl Tile {
     ) -> Option<bool> {
         let origin = rays[0].origin;
         let mut is_apex = true;
-        let mut masks = u32::MAX;
+        let mut see_all = true;
         let (eights, rest) = rays.as_chunks::<LANES>();
         let last = (!rest.is_empty()).then(|| {
             let mut last = [rest[0]; LANES];
@@ -189,7 +189,7 @@ impl Tile {
                 | from_z.ne(simd.splat(origin.z));
             is_apex &= is_apart.bits() == 0;
             for ray in rays {
-                masks = masks.min(ray.mask);
+                see_all &= (ray.mask != 0) & ray.culling.is_none();
             }
             (t_min * speed).store(&mut self.start[group]);
             (t_max.min(simd.splat(f32::MAX)) * speed).store(&mut self.limit[group]);
@@ -210,7 +210,7 @@ impl Tile {
                 rows[group] = rows[count - 1];
             }
         }
-        (masks != 0).then_some(is_apex)
+        see_all.then_some(is_apex)
     }
 
     /// Chooses depth 0, and computes where rays are there. Returns its coordinate along, and the largest distance from the apex of a
@@ -301,7 +301,7 @@ impl Tile {
 /// The components of eight rays, in lanes: three of the origin, three of the direction, `t_min`, `t_max`.
 #[inline(always)]
 fn columns<S: Simd>(simd: S, rays: &[Ray; LANES]) -> [S::F32; LANES] {
-    let words = bytemuck::must_cast_ref::<[Ray; LANES], [[f32; 9]; LANES]>(rays);
+    let words = bytemuck::must_cast_ref::<[Ray; LANES], [[f32; 10]; LANES]>(rays);
     let [a, b, c, d, e, f, g, h] = words;
     simd.transpose([
         first_eight(a),
@@ -315,10 +315,10 @@ fn columns<S: Simd>(simd: S, rays: &[Ray; LANES]) -> [S::F32; LANES] {
     ])
 }
 
-/// All but the mask.
+/// All but the mask and the culling.
 #[inline(always)]
-fn first_eight(words: &[f32; 9]) -> &[f32; LANES] {
-    words.first_chunk().expect("nine")
+fn first_eight(words: &[f32; 10]) -> &[f32; LANES] {
+    words.first_chunk().expect("ten")
 }
 
 /// The minimum and maximum of each group.

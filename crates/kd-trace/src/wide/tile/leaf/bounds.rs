@@ -109,7 +109,7 @@ impl Exact {
             Three(each(corners, |corner| f64::from(corner[axis]))).minus(ray.origin[axis].into())
         });
         let Three(weights) = decided.sight(corners).deciding_weights();
-        let hit = decided.hit(corners, [f32::MIN, f32::MAX], 0);
+        let hit = decided.hit(corners, [f32::MIN, f32::MAX], decision::BothSides, 0);
         let speed = ray.direction[view.axes[2]] * view.apex.sign;
         let from = f64::from(ray.origin[view.axes[2]]) - f64::from(view.apex.at[2]);
         Self {

@@ -1,0 +1,216 @@
+//! Which rays see which parts: masks, and the sides of mirrored parts.
+
+use std::ops::ControlFlow;
+
+use glam::{Affine3A, Mat3A};
+use kd_core::{Culling, Hit, Ray};
+use kd_trace::kit::{Collect, TriangleTest};
+use robust::{Coord3D, orient3d};
+
+use super::frame_parts::FrameParts;
+
+/// What decides whether a ray sees a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sight {
+    /// A ray sees the part if its mask has one of these bits.
+    pub(super) mask: u32,
+    /// Whether its transform turns the front of triangles to their back.
+    pub(super) is_mirrored: bool,
+}
+
+impl Sight {
+    pub(super) fn new(mask: u32, transform: &Affine3A) -> Self {
+        Self {
+            mask,
+            is_mirrored: mirrors(&transform.matrix3),
+        }
+    }
+}
+
+/// Whether the determinant is negative, exactly.
+fn mirrors(matrix: &Mat3A) -> bool {
+    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| {
+        let [x, y, z] = axis.as_dvec3().to_array();
+        Coord3D { x, y, z }
+    });
+    let origin = Coord3D {
+        x: 0.0,
+        y: 0.0,
+        z: 0.0,
+    };
+    orient3d(x, y, z, origin) < 0.0
+}
+
+/// What all parts of a group have in common, for a quick answer to most rays.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Sights {
+    /// The bits that all masks have.
+    common: u32,
+    /// Each mask once; empty if there are more than [`Self::MOST`].
+    masks: Vec<u32>,
+    has_mirrored: bool,
+}
+
+impl Default for Sights {
+    fn default() -> Self {
+        Self {
+            common: u32::MAX,
+            masks: Vec::new(),
+            has_mirrored: false,
+        }
+    }
+}
+
+impl Sights {
+    /// The most masks that are compared for each ray.
+    const MOST: usize = 16;
+
+    pub(super) fn of(sights: &[Sight]) -> Self {
+        let each = sights.iter().map(|sight| Self {
+            common: sight.mask,
+            masks: vec![sight.mask],
+            has_mirrored: sight.is_mirrored,
+        });
+        each.fold(Self::default(), |all, one| all.and(&one))
+    }
+
+    /// Of the parts of both.
+    pub(super) fn and(mut self, others: &Self) -> Self {
+        let is_known = |of: &Self| !of.masks.is_empty() || of == &Self::default();
+        let are_known = is_known(&self) && is_known(others);
+        self.common &= others.common;
+        self.has_mirrored |= others.has_mirrored;
+        for mask in &others.masks {
+            if !self.masks.contains(mask) {
+                self.masks.push(*mask);
+            }
+        }
+        if !are_known || self.masks.len() > Self::MOST {
+            self.masks.clear();
+        }
+        self
+    }
+
+    /// Whether the ray surely sees all parts, and those sides of all that it sees of their triangles.
+    #[inline]
+    pub(super) fn sees_all(&self, ray: &Ray) -> bool {
+        (ray.mask & self.common != 0 || self.has_bit_of_each(ray.mask))
+            && !(self.has_mirrored && !ray.culling.is_none())
+    }
+
+    fn has_bit_of_each(&self, mask: u32) -> bool {
+        !self.masks.is_empty() && self.masks.iter().all(|of_part| of_part & mask != 0)
+    }
+}
+
+/// Passes on the hits of parts that a ray sees.
+pub(super) struct Sieve<'a, C> {
+    parts: &'a FrameParts,
+    mask: u32,
+    /// The triangle test of the ray for parts that are not mirrored, and for those that are; `None` where both sides are seen.
+    tests: Option<[TriangleTest; 2]>,
+    collector: &'a mut C,
+}
+
+impl<'a, C: Collect> Sieve<'a, C> {
+    /// The ray must be one that [can hit](Ray::can_hit).
+    pub(super) fn new(parts: &'a FrameParts, ray: &Ray, collector: &'a mut C) -> Self {
+        let test = |culling: Culling| TriangleTest::new(&ray.with_culling(culling), f32::INFINITY);
+        let is_culled = !ray.culling.is_none();
+        Self {
+            parts,
+            mask: ray.mask,
+            tests: is_culled.then(|| [test(ray.culling), test(ray.culling.turned())]),
+            collector,
+        }
+    }
+
+    fn sees(&self, hit: &Hit) -> bool {
+        let part = self.parts.of_slot(hit.triangle);
+        part.sight.mask & self.mask != 0
+            && self.tests.as_ref().is_none_or(|tests| {
+                let test = &tests[usize::from(part.sight.is_mirrored)];
+                let triangle = hit.triangle - part.first_slot;
+                test.decide(part.mesh.corners(triangle), triangle).is_some()
+            })
+    }
+}
+
+impl<C: Collect> Collect for Sieve<'_, C> {
+    fn limit(&self) -> f32 {
+        self.collector.limit()
+    }
+
+    fn take(&mut self, hit: Hit) -> ControlFlow<()> {
+        if self.sees(&hit) {
+            return self.collector.take(hit);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn is_done(&self) -> bool {
+        self.collector.is_done()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn the_sign_of_a_determinant_is_exact() {
+        let scale = |x: f32, y: f32, z: f32| Affine3A::from_scale(Vec3::new(x, y, z));
+        let turned = Affine3A::from_rotation_y(1.0) * scale(1.0, -1e-20, 1e-20);
+        let tiny = f32::from_bits(1);
+        for (transform, expected) in [
+            (Affine3A::IDENTITY, false),
+            (scale(-1.0, 1.0, 1.0), true),
+            (scale(-1.0, -1.0, 1.0), false),
+            (scale(-1.0, -1.0, -1e-30), true),
+            (scale(-1.0, 1.0, 0.0), false),
+            (turned, true),
+            (scale(tiny, tiny, -tiny), true),
+        ] {
+            assert_eq!(
+                Sight::new(0, &transform).is_mirrored,
+                expected,
+                "{transform}"
+            );
+        }
+        // Rows that differ in the last bit.
+        let a = Vec3::new(1.0, 2.0, 3.0);
+        let b = Vec3::new(1.0, 2.0, 3.0_f32.next_up());
+        let nearly = Affine3A::from_mat3(glam::Mat3::from_cols(a, b, Vec3::X));
+        let mirrored = Affine3A::from_mat3(glam::Mat3::from_cols(b, a, Vec3::X));
+        assert_ne!(Sight::new(0, &nearly), Sight::new(0, &mirrored));
+    }
+
+    #[test]
+    fn rays_that_see_all_parts_are_known() {
+        let part = |mask: u32, is_mirrored: bool| Sight { mask, is_mirrored };
+        let ray = Ray::new([0.0; 3], [1.0; 3]);
+        let sees = |sights: &Sights, mask: u32| sights.sees_all(&ray.with_mask(mask));
+        let none = Sights::default();
+        assert!(sees(&none, 1), "nothing to see");
+        let two = Sights::of(&[part(0b01, false), part(0b10, false)]);
+        assert_eq!(
+            [1, 2, 3, 7, 12].map(|mask| sees(&two, mask)),
+            [false, false, true, true, false]
+        );
+        let hidden = Sights::of(&[part(0, false), part(1, false)]);
+        assert!(!sees(&hidden, u32::MAX), "no ray sees a part without bits");
+        let many: Vec<Sight> = (1..20).map(|mask| part(mask, false)).collect();
+        let many = Sights::of(&many);
+        assert!(!sees(&many, u32::MAX), "unknown");
+        assert!(!sees(&many.clone().and(&two), u32::MAX), "still unknown");
+        assert!(!sees(&two.and(&many), u32::MAX), "still unknown");
+        let mirrored = Sights::of(&[part(1, false), part(1, true)]);
+        assert!(mirrored.sees_all(&ray), "both sides");
+        assert!(
+            !mirrored.sees_all(&ray.with_culling(Culling::BACK)),
+            "part by part"
+        );
+    }
+}
