@@ -38,6 +38,7 @@ mod ray_packet;
 mod serde_form;
 mod source;
 mod stats;
+mod transformed;
 mod tree;
 mod zero_area;
 
@@ -58,5 +59,6 @@ pub use ray::{Hit, Ray};
 pub use ray_packet::RayPacket8;
 pub use source::PrimSource;
 pub use stats::{StatsOf, TreeStats};
+pub use transformed::transformed_point;
 pub use tree::{Tree, Uncovered};
 pub use zero_area::is_zero_area;

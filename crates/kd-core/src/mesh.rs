@@ -3,7 +3,7 @@
 use glam::{Affine3A, Vec3, Vec3A};
 use thiserror::Error;
 
-use crate::{Aabb, is_zero_area};
+use crate::{Aabb, is_zero_area, transformed_point};
 
 /// The greatest number of triangles of a mesh: builders store a triangle's number in 30 bits.
 pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
@@ -157,15 +157,15 @@ impl Mesh {
         Ok(Self::checked(positions, self.triangles.clone()))
     }
 
-    /// The mesh with every vertex transformed. Any transform is valid: a mirroring one reverses the orientation of
+    /// The mesh with every vertex transformed by [`transformed_point`]. Any transform is valid: a mirroring one reverses the orientation of
     /// triangles, a singular one may leave triangles of zero area. Linear.
     ///
     /// # Errors
     ///
     /// [`MeshError::NotFinite`] names the first vertex that is not finite in f32 after the transform.
     pub fn transformed(&self, by: &Affine3A) -> Result<Self, MeshError> {
-        let moved = |position: &[f32; 3]| by.transform_point3a(Vec3A::from(*position)).to_array();
-        self.with_positions(self.positions.iter().map(moved).collect())
+        let moved = self.positions.iter().map(|at| transformed_point(by, *at));
+        self.with_positions(moved.collect())
     }
 
     /// The vertices.

@@ -17,6 +17,7 @@ use crate::collect::{Any, Closest, Collect, keep_first};
 use crate::probe::Probe;
 use crate::wide;
 use crate::wide::batch_ray::BatchRay;
+use crate::wide::placed::InPlaced;
 use crate::wide::subtree::Subtree;
 
 /// A set of instructions that wide nodes are traced with.
@@ -34,6 +35,9 @@ pub(crate) trait TraceSimd: Simd + 'static {
         collector: &mut C,
         probe: &mut P,
     );
+
+    /// Gives the collector every hit of one ray in a placed tree that it may want, roughly front to back.
+    fn collect_placed<C: Collect, P: Probe>(self, placed: InPlaced<'_, C>, probe: &mut P);
 
     /// The closest hit of one ray, or [`NO_HIT`].
     fn closest<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit;
@@ -233,4 +237,21 @@ pub(crate) fn trace_packet<C: Search>(tree: &WideTree, packet: &RayPacket8) -> [
         packet,
         collect: PhantomData,
     })
+}
+
+/// One ray through a placed tree.
+struct Placed<'a, C>(InPlaced<'a, C>);
+
+impl<S: TraceSimd, C: Collect> Task<S> for Placed<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        simd.collect_placed(self.0, &mut ());
+    }
+}
+
+/// Gives the collector every hit of a ray in a placed tree that it may want.
+pub(crate) fn hits_in_placed<C: Collect>(placed: InPlaced<'_, C>) {
+    placed.tree.level().run(Placed(placed));
 }

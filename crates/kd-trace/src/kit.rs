@@ -34,12 +34,14 @@
 use kd_wide::WideTree;
 
 use crate::PackedTree;
-use crate::dispatch::hits_of_one;
+use crate::dispatch::{hits_in_placed, hits_of_one};
+use crate::wide::placed::InPlaced;
 
 pub use crate::collect::{Any, Closest, Collect, Ordered};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::probe::Probe;
 pub use crate::triangle::TriangleTest;
+pub use crate::wide::placed::Placement;
 pub use kd_core::{Ray, RayPacket8};
 pub use kd_simd::{max, min};
 pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit, clusters, in_morton_order};
@@ -52,4 +54,24 @@ pub fn collect_wide<C: Collect>(tree: &WideTree, ray: &Ray, collector: &mut C) {
 /// Gives a collector every hit of a ray in 8-byte nodes that it may want, some more than once, roughly front to back.
 pub fn collect_packed<C: Collect>(tree: &PackedTree, ray: &Ray, collector: &mut C) {
     tree.walk(ray, collector, &mut ());
+}
+
+/// Gives a collector every hit of a ray in a placed tree that it may want, some more than once, roughly front to back. Hits are
+/// those of the transformed mesh, to the bit. `frame` is that of a box around the placed tree.
+///
+/// The triangles of the tree that have no area before the transform are not hit, even where rounding gives them an area.
+pub fn collect_placed<C: Collect>(
+    tree: &WideTree,
+    placement: &Placement,
+    frame: &Frame,
+    ray: &Ray,
+    collector: &mut C,
+) {
+    hits_in_placed(InPlaced {
+        tree,
+        placement,
+        ray,
+        frame,
+        collector,
+    });
 }

@@ -22,6 +22,7 @@ mod incoherent;
 mod kept;
 mod limits;
 pub(crate) mod packet;
+pub(crate) mod placed;
 pub(crate) mod portable;
 mod queue;
 mod race;

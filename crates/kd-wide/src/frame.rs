@@ -27,6 +27,17 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The same box with a wider bound, by a distance in scene units.
+    #[must_use]
+    #[inline(always)]
+    pub fn wider_by(&self, distance: f32) -> Self {
+        Self {
+            distance: self.distance + distance,
+            usual_distance: self.usual_distance + distance,
+            ..*self
+        }
+    }
+
     /// The frame of everything within a box.
     #[inline(always)]
     pub fn new(bounds: &Aabb) -> Self {

@@ -4,6 +4,7 @@
 //! numbers of a ray ─▶ nodes       a ray for nodes: which boxes it meets, what it pushes
 //!                  └▶ triangles   a ray for blocks: which triangles it may hit, at which depths
 //! single            both in one loop, for one ray alone
+//! placed            the same loop in the space of a tree that instances share
 //! batch             a ray among others: one node for many rays, or one step of many
 //! ```
 //!
@@ -20,6 +21,7 @@
 
 mod batch;
 mod nodes;
+mod placed;
 mod single;
 mod triangles;
 
@@ -27,6 +29,7 @@ use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
 use kd_wide::WIDTH;
 
+use super::placed::InPlaced;
 use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
@@ -51,6 +54,12 @@ impl TraceSimd for Avx2 {
     ) {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { single::collect(self, subtree, ray, collector, probe) }
+    }
+
+    #[inline(always)]
+    fn collect_placed<C: Collect, P: Probe>(self, placed: InPlaced<'_, C>, probe: &mut P) {
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { placed::collect(self, placed, probe) }
     }
 
     #[inline(always)]

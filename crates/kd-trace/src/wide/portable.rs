@@ -1,13 +1,12 @@
 //! A ray for wide nodes and blocks on any processor: the portable twin of `avx2`.
 
-use std::ops::ControlFlow;
-
 use kd_core::{Hit, Ray};
 use kd_simd::{Portable, max, min};
-use kd_wide::{Block, Child, WIDTH, WideNode, WideTree};
+use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
 use super::batch::Query;
 use super::batch_ray::{BatchRay, Entry, IN_LANES};
+use super::placed::InPlaced;
 use super::stack::Pending;
 use super::subtree::Subtree;
 use super::walk::walk;
@@ -32,6 +31,11 @@ impl TraceSimd for Portable {
         if let Some(ray) = PortableRay::new(ray, subtree.tree().frame()) {
             walk(subtree, &ray, collector, probe);
         }
+    }
+
+    #[inline(always)]
+    fn collect_placed<C: Collect, P: Probe>(self, placed: InPlaced<'_, C>, probe: &mut P) {
+        placed.walk(self, probe);
     }
 
     #[inline(always)]
@@ -132,15 +136,10 @@ impl PortableRay {
         nearest.map(|lane| node.children[lane])
     }
 
-    /// Passes every hit in the blocks to the collector. Breaks if the collector does.
+    /// The ray, prepared for triangles.
     #[inline(always)]
-    pub(super) fn visit<C: Collect, P: Probe>(
-        &self,
-        blocks: &[Block],
-        collector: &mut C,
-        probe: &mut P,
-    ) -> ControlFlow<()> {
-        self.test.visit(blocks, collector, probe)
+    pub(super) fn test(&self) -> &TriangleTest {
+        &self.test
     }
 }
 

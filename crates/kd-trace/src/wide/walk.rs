@@ -9,6 +9,8 @@
     reason = "children are followed without a check of their indices: see `WideTree::node`"
 )]
 
+use std::ops::ControlFlow;
+
 use kd_simd::min;
 use kd_wide::Block;
 
@@ -17,6 +19,39 @@ use super::stack::Stack;
 use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::probe::Probe;
+use crate::triangle::TriangleTest;
+
+/// What a ray does at leaves.
+pub(crate) trait VisitLeaf {
+    /// Whether the first hit found ends the search.
+    const ANY: bool;
+
+    /// Hits beyond this `t` do not matter.
+    fn limit(&self) -> f32;
+
+    /// Tests the blocks of a leaf. Breaks if no other hit can matter.
+    fn visit<P: Probe>(&mut self, blocks: &[Block], probe: &mut P) -> ControlFlow<()>;
+}
+
+/// Gives a collector the hits of triangles.
+pub(crate) struct Triangles<'a, C> {
+    pub(crate) test: &'a TriangleTest,
+    pub(crate) collector: &'a mut C,
+}
+
+impl<C: Collect> VisitLeaf for Triangles<'_, C> {
+    const ANY: bool = C::ANY;
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.collector.limit()
+    }
+
+    #[inline(always)]
+    fn visit<P: Probe>(&mut self, blocks: &[Block], probe: &mut P) -> ControlFlow<()> {
+        self.test.visit(blocks, self.collector, probe)
+    }
+}
 
 /// Gives the collector every hit of the ray that it may want, roughly front to back.
 ///
@@ -26,6 +61,18 @@ pub(crate) fn walk<C: Collect, P: Probe>(
     subtree: Subtree<'_>,
     ray: &PortableRay,
     collector: &mut C,
+    probe: &mut P,
+) {
+    let test = ray.test();
+    walk_leaves(subtree, ray, &mut Triangles { test, collector }, probe);
+}
+
+/// Visits the leaves that the ray meets up to the limit of the visitor, roughly front to back.
+#[inline(always)]
+pub(crate) fn walk_leaves<V: VisitLeaf, P: Probe>(
+    subtree: Subtree<'_>,
+    ray: &PortableRay,
+    visitor: &mut V,
     probe: &mut P,
 ) {
     let tree = subtree.tree();
@@ -39,15 +86,15 @@ pub(crate) fn walk<C: Collect, P: Probe>(
             // SAFETY: the child of a subtree or of a node; and a leaf.
             let blocks = unsafe { tree.leaf(child) };
             probe.leaf(|| blocks.iter().map(Block::count).sum());
-            if ray.visit(blocks, collector, probe).is_break() {
+            if visitor.visit(blocks, probe).is_break() {
                 return;
             }
-            limit = min(ray.steps(collector.limit()), end);
+            limit = min(ray.steps(visitor.limit()), end);
         } else {
             probe.node();
             // SAFETY: the child of a subtree or of a node; and no leaf.
             let node = unsafe { tree.node(child) };
-            let next = if C::ANY {
+            let next = if V::ANY {
                 ray.enter::<true>(node, limit, &mut pending)
             } else {
                 ray.enter::<false>(node, limit, &mut pending)
@@ -58,7 +105,7 @@ pub(crate) fn walk<C: Collect, P: Probe>(
             }
         }
         // A ray that ends at its first hit has the same limit throughout.
-        let next = if C::ANY {
+        let next = if V::ANY {
             pending.pop_any()
         } else {
             pending.pop(limit)

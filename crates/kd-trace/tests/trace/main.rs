@@ -8,6 +8,7 @@ mod offset;
 mod oracle;
 mod packed;
 mod packets;
+mod placed;
 mod properties;
 mod random_tree;
 mod reference;

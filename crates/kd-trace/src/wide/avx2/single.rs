@@ -178,7 +178,7 @@ pub(crate) trait Query {
 /// A block of a tree.
 #[derive(Clone, Copy)]
 pub(crate) struct Place<'a> {
-    block: &'a Block,
+    pub(super) block: &'a Block,
     index: usize,
     /// All blocks of the tree.
     blocks: &'a [Block],
