@@ -4,6 +4,7 @@
 //! numbers of a ray ─▶ nodes       a ray for nodes: which boxes it meets, what it pushes
 //!                  └▶ triangles   a ray for blocks: which triangles it may hit, at which depths
 //! single            both in one loop, for one ray alone
+//! boxes             the same loop over boxes of items
 //! batch             a ray among others: one node for many rays, or one step of many
 //! ```
 //!
@@ -19,14 +20,16 @@
 )]
 
 mod batch;
+mod boxes;
 mod nodes;
 mod single;
 mod triangles;
 
 use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
-use kd_wide::WIDTH;
+use kd_wide::{Frame, WIDTH, WideBoxes};
 
+use super::boxes::VisitItem;
 use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
@@ -63,6 +66,12 @@ impl TraceSimd for Avx2 {
     fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { single::any(self, subtree, ray, probe) }
+    }
+
+    #[inline(always)]
+    fn boxes<V: VisitItem>(self, boxes: &WideBoxes, frame: &Frame, ray: &Ray, visitor: &mut V) {
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { boxes::visit(boxes, frame, ray, visitor) }
     }
 }
 

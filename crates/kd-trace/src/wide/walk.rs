@@ -9,6 +9,8 @@
     reason = "children are followed without a check of their indices: see `WideTree::node`"
 )]
 
+use std::ops::ControlFlow;
+
 use kd_simd::min;
 use kd_wide::Block;
 
@@ -18,14 +20,51 @@ use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::probe::Probe;
 
-/// Gives the collector every hit of the ray that it may want, roughly front to back.
+/// What a ray does with the blocks of a leaf.
+pub(crate) trait VisitBlocks {
+    /// Whether the first hit found ends the search.
+    const ANY: bool;
+
+    /// Nothing beyond this `t` matters; what is at it may.
+    fn limit(&self) -> f32;
+
+    /// Visits the blocks of a leaf. Breaks if nothing else can matter.
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &PortableRay,
+        blocks: &[Block],
+        probe: &mut P,
+    ) -> ControlFlow<()>;
+}
+
+/// Blocks of triangles: the collector receives every hit that it may want.
+impl<C: Collect> VisitBlocks for C {
+    const ANY: bool = C::ANY;
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        Collect::limit(self)
+    }
+
+    #[inline(always)]
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &PortableRay,
+        blocks: &[Block],
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        ray.visit(blocks, self, probe)
+    }
+}
+
+/// Lets a visitor visit every leaf that matters, roughly front to back.
 ///
 /// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
-pub(crate) fn walk<C: Collect, P: Probe>(
+pub(crate) fn walk<V: VisitBlocks, P: Probe>(
     subtree: Subtree<'_>,
     ray: &PortableRay,
-    collector: &mut C,
+    visitor: &mut V,
     probe: &mut P,
 ) {
     let tree = subtree.tree();
@@ -39,15 +78,15 @@ pub(crate) fn walk<C: Collect, P: Probe>(
             // SAFETY: the child of a subtree or of a node; and a leaf.
             let blocks = unsafe { tree.leaf(child) };
             probe.leaf(|| blocks.iter().map(Block::count).sum());
-            if ray.visit(blocks, collector, probe).is_break() {
+            if visitor.visit(ray, blocks, probe).is_break() {
                 return;
             }
-            limit = min(ray.steps(collector.limit()), end);
+            limit = min(ray.steps(visitor.limit()), end);
         } else {
             probe.node();
             // SAFETY: the child of a subtree or of a node; and no leaf.
             let node = unsafe { tree.node(child) };
-            let next = if C::ANY {
+            let next = if V::ANY {
                 ray.enter::<true>(node, limit, &mut pending)
             } else {
                 ray.enter::<false>(node, limit, &mut pending)
@@ -58,7 +97,7 @@ pub(crate) fn walk<C: Collect, P: Probe>(
             }
         }
         // A ray that ends at its first hit has the same limit throughout.
-        let next = if C::ANY {
+        let next = if V::ANY {
             pending.pop_any()
         } else {
             pending.pop(limit)
