@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 
 use kd_core::{Hit, Ray, RayPacket8};
 use kd_simd::{LANES, Simd, Task};
-use kd_wide::WideTree;
+use kd_wide::{Frame, WideBoxes, WideTree};
 
 use crate::binary::packed::PackedTree;
 use crate::binary::walk::{self, Begin};
@@ -17,6 +17,7 @@ use crate::collect::{Any, Closest, Collect, keep_first};
 use crate::probe::Probe;
 use crate::wide;
 use crate::wide::batch_ray::BatchRay;
+use crate::wide::boxes::VisitItem;
 use crate::wide::placed::InPlaced;
 use crate::wide::subtree::Subtree;
 
@@ -44,6 +45,9 @@ pub(crate) trait TraceSimd: Simd + 'static {
 
     /// Whether one ray hits anything.
     fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool;
+
+    /// Lets the visitor visit the items whose boxes one ray may meet.
+    fn boxes<V: VisitItem>(self, boxes: &WideBoxes, frame: &Frame, ray: &Ray, visitor: &mut V);
 }
 
 /// A query of one ray, as the collector of its answer.
@@ -178,6 +182,38 @@ pub(crate) fn hits_of_one<C: Collect>(tree: &WideTree, ray: &Ray, collector: &mu
     let probe = &mut ();
     tree.level()
         .run(HitsOfOne(OneRay { tree, ray, probe }, collector));
+}
+
+/// One ray through wide nodes over boxes.
+struct ItemsOfOne<'a, V> {
+    boxes: &'a WideBoxes,
+    frame: &'a Frame,
+    ray: &'a Ray,
+    visitor: &'a mut V,
+}
+
+impl<S: TraceSimd, V: VisitItem> Task<S> for ItemsOfOne<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        simd.boxes(self.boxes, self.frame, self.ray, self.visitor);
+    }
+}
+
+/// Lets the visitor visit the items whose boxes a ray may meet.
+pub(crate) fn items_of_one<V: VisitItem>(
+    boxes: &WideBoxes,
+    frame: &Frame,
+    ray: &Ray,
+    visitor: &mut V,
+) {
+    boxes.level().run(ItemsOfOne {
+        boxes,
+        frame,
+        ray,
+        visitor,
+    });
 }
 
 /// Many rays through wide nodes, with an answer for each.

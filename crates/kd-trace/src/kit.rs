@@ -1,6 +1,8 @@
 //! Pieces for other structures over a mesh, so that their answers equal those of these trees to the bit: the triangle test, the
 //! collectors of hits, and the bound of every error between a plane and a reported hit.
 //!
+//! [`walk_boxes`] finds the items of any kind whose boxes a ray meets.
+//!
 //! The example is a structure of one box. Grids and bounding volume hierarchies use the pieces in the same way.
 //!
 //! ```
@@ -41,10 +43,13 @@ pub use crate::collect::{Any, Closest, Collect, Ordered};
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::probe::Probe;
 pub use crate::triangle::TriangleTest;
+pub use crate::wide::boxes::{VisitItem, walk_boxes};
 pub use crate::wide::placed::Placement;
 pub use kd_core::{Ray, RayPacket8};
 pub use kd_simd::{max, min};
-pub use kd_wide::{BinaryNode, BinaryTree, Item, ObjectSplit, clusters, in_morton_order};
+pub use kd_wide::{
+    BinaryNode, BinaryTree, Item, ObjectSplit, WideBoxes, clusters, in_morton_order,
+};
 
 /// Gives a collector every hit of a ray in wide nodes that it may want, some more than once, roughly front to back.
 pub fn collect_wide<C: Collect>(tree: &WideTree, ray: &Ray, collector: &mut C) {

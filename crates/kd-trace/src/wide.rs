@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! one ray       avx2::single, or walk ─▶ enter a node, visit a leaf (portable, avx2)
+//! over boxes    boxes: the same loops, and eight boxes in place of a block of triangles
 //! eight rays    packet: coherent lanes traverse together
 //! many rays     batch ─▶ tile: up to 64 coherent neighbors traverse together
 //!                    ├─▶ scattered ─▶ sorter ─▶ tile: coherent rays that are not neighbors
@@ -17,6 +18,7 @@
 pub(crate) mod avx2;
 pub(crate) mod batch;
 pub(crate) mod batch_ray;
+pub(crate) mod boxes;
 mod eight;
 mod incoherent;
 mod kept;
@@ -68,7 +70,7 @@ impl RayQuery for WideTree {
     fn hits_behind(&self, ray: &Ray, last: &Hit, max: usize, out: &mut Vec<Hit>) {
         let rest = rest_of(ray, last);
         Ordered::fill_behind(out, Some(*last), max, |ordered| {
-            hits_of_one(self, &rest, ordered)
+            hits_of_one(self, &rest, ordered);
         });
     }
 

@@ -4,6 +4,7 @@
 //! block       9 x 8 f32   corner a: x of 8 triangles, y, z; corner b; corner c
 //!             8 x u32     their numbers
 //! ```
+//! In a tree over boxes, corner a is the lowest of an item's box, and corners b and c are the highest.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -56,6 +57,17 @@ impl Block {
         for (lane, triangle) in triangles.iter().enumerate() {
             block.write_corners(lane, mesh.corners(*triangle));
             block.triangles[lane] = *triangle;
+        }
+        block
+    }
+
+    /// The block of up to eight items of a tree over boxes, which get the first lanes. No coordinate of theirs is NaN.
+    pub(crate) fn of_boxes(items: &[u32], boxes: &[Aabb]) -> Self {
+        let mut block = Self::EMPTY;
+        for (lane, item) in items.iter().enumerate() {
+            let Aabb { min, max } = boxes[*item as usize];
+            block.write_corners(lane, [min, max, max]);
+            block.triangles[lane] = *item;
         }
         block
     }

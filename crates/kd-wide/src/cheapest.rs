@@ -36,7 +36,7 @@ pub(crate) fn cheapest(
         tree.to_boxes(boxes, per_area)
     };
     let all_of_objects = |items| {
-        let objects = boxes_of_objects(mesh, items, bounds, objects);
+        let objects = boxes_of_objects(items, bounds, objects);
         let (reinserted, bottom_up) = kd_tasks::join_if(
             work.is_parallel,
             || optimized(LinkedTree::of(&objects.0), &objects.0, first),

@@ -67,7 +67,7 @@ pub(crate) fn boxes_of_tree(
 ) -> Costed {
     let divider = Divider {
         planes: OfTree(tree),
-        mesh,
+        mesh: Some(mesh),
         per_area: per_area(&tree.bounds()),
         planes_above: planes_above.unwrap_or(PLANES_ABOVE),
         objects_compete: planes_above.is_none(),
@@ -89,7 +89,7 @@ pub(crate) fn boxes_of_bins(
     let root = Allowance::of_root(items.len(), most_items);
     let divider = Divider {
         planes: OfBins { per_area },
-        mesh,
+        mesh: Some(mesh),
         per_area,
         planes_above: PLANES_ABOVE,
         objects_compete: true,
@@ -98,16 +98,11 @@ pub(crate) fn boxes_of_bins(
     divider.boxes(items, root)
 }
 
-/// The boxes of triangles, all within `bounds`, divided by object splits alone.
-pub(crate) fn boxes_of_objects(
-    mesh: &Mesh,
-    items: Vec<Item>,
-    bounds: &Aabb,
-    work: Work<'_>,
-) -> Costed {
+/// The boxes of items, all within `bounds`, divided by object splits alone.
+pub(crate) fn boxes_of_objects(items: Vec<Item>, bounds: &Aabb, work: Work<'_>) -> Costed {
     let divider = Divider {
         planes: NoPlanes,
-        mesh,
+        mesh: None,
         per_area: per_area(bounds),
         planes_above: PLANES_ABOVE,
         objects_compete: true,
@@ -116,10 +111,11 @@ pub(crate) fn boxes_of_objects(
     divider.boxes(items, ())
 }
 
-/// Makes the boxes of a mesh.
+/// Makes the boxes of items.
 struct Divider<'a, P> {
     planes: P,
-    mesh: &'a Mesh,
+    /// The triangles that planes may cut; `None` where there are no planes.
+    mesh: Option<&'a Mesh>,
     /// One over the half area of the root's box.
     per_area: f64,
     /// Cells of more items may be divided by planes.
@@ -190,8 +186,8 @@ impl<P: Planes> Divider<'_, P> {
             let plane = self
                 .planes
                 .plane(&cell.planes, own, objects.as_ref(), is_parallel);
-            let plane = plane.filter(|plane| {
-                sides.measure(own, *plane, self.mesh, is_parallel);
+            let plane = plane.zip(self.mesh).filter(|(plane, mesh)| {
+                sides.measure(own, *plane, mesh, is_parallel);
                 objects.is_none_or(|objects| P::is_cheap(sides.cost(), &objects))
             });
             let cost = match (plane, objects) {
@@ -206,7 +202,7 @@ impl<P: Planes> Divider<'_, P> {
                 let cells = cell.both(self.planes.objects(&cell.planes, counts), counts);
                 return self.split(huge.axis, cells, memory, [first, upper], to);
             }
-            if let Some(plane) = plane {
+            if let Some((plane, _)) = plane {
                 let counts = sides.counts();
                 if let Some(empty) = counts.iter().position(|count| *count == 0) {
                     cell.planes = self.planes.one(&cell.planes, empty ^ 1);

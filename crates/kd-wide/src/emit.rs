@@ -1,7 +1,7 @@
 //! Emit: wide nodes and blocks from a collapsed tree of boxes.
 //!
 //! Nodes are stored in depth-first order, blocks in the order of their leaves. They are counted first, so that any number of
-//! threads writes each at its final place. Leaves are triangles, or finished subtrees.
+//! threads writes each at its final place. Leaves are blocks of [triangles](Triangles) or of [boxes](Boxes), or finished subtrees.
 //!
 //! The children of a node are in lanes by their [`Prospect`]: an any-hit ray visits the last lane first.
 
@@ -76,12 +76,32 @@ trait WriteLeaves: Sync {
     fn prospect(&self, items: &[u32]) -> Prospect;
 }
 
-/// Blocks of the triangles of a mesh.
-struct Triangles<'a> {
-    mesh: &'a Mesh,
-    /// Whether each of them has an area.
-    all_have_area: bool,
+/// How the items of a leaf become blocks.
+pub(crate) trait WriteBlocks: Sync {
+    /// The block of up to eight items.
+    fn block(&self, items: &[u32]) -> Block;
+
+    /// [`block`](Self::block) for items that are in no leaf of the boxes.
+    fn block_aside(&self, items: &[u32]) -> Block {
+        self.block(items)
+    }
+
+    /// Of a leaf of any number of items.
+    fn prospect(&self, items: &[u32]) -> Prospect;
 }
+
+/// The triangles of a mesh.
+pub(crate) struct Triangles<'a> {
+    pub(crate) mesh: &'a Mesh,
+    /// Whether each of those in leaves of the boxes has an area. Those aside have none.
+    pub(crate) all_have_area: bool,
+}
+
+/// Items in boxes.
+pub(crate) struct Boxes<'a>(pub(crate) &'a [Aabb]);
+
+/// Leaves of blocks.
+struct Blocks<'a, W>(&'a W);
 
 /// Finished subtrees.
 struct Links<'a>(&'a [Child]);
@@ -154,23 +174,18 @@ pub(crate) fn emit_links(
     (nodes, child)
 }
 
-/// All nodes and blocks, and the root. `aside` are all triangles of zero area, if they are in no leaf of `boxes`: rays do not meet
-/// them, but a refit does.
+/// All nodes and blocks, and the root. `aside` are items in no leaf of `boxes`, such as triangles of zero area: rays do not meet them,
+/// but a refit does.
 pub(crate) fn emit(
     boxes: &BoxTree,
-    aside: Option<&[u32]>,
-    mesh: &Mesh,
+    blocks_of: &impl WriteBlocks,
+    aside: &[u32],
     work: Work<'_>,
 ) -> (Vec<WideNode>, Vec<Block>, Child) {
-    let all_have_area = aside.is_some();
-    let aside = aside.unwrap_or_default();
     if boxes.root().is_none() && aside.is_empty() {
         return (Vec::new(), Vec::new(), Child::NOTHING);
     }
-    let leaves = Triangles {
-        mesh,
-        all_have_area,
-    };
+    let leaves = Blocks(blocks_of);
     let emitter = Emitter::new(boxes, &leaves, work);
     let root = boxes.root();
     let of_boxes = root.map_or(Counts::default(), |root| emitter.count(root));
@@ -221,7 +236,7 @@ pub(crate) fn emit(
             blocks: &mut blocks[of_boxes.blocks..],
             before,
         };
-        let block_of = |items: &[u32]| Block::of(items.iter().copied(), mesh);
+        let block_of = |items: &[u32]| blocks_of.block_aside(items);
         leaf(aside, Aabb::EMPTY, &block_of, space);
         nodes.truncate(first + of_aside.nodes);
     }
@@ -392,30 +407,45 @@ impl<'a, L: WriteLeaves> Emitter<'a, L> {
     }
 }
 
-impl WriteLeaves for Triangles<'_> {
+impl<W: WriteBlocks> WriteLeaves for Blocks<'_, W> {
     fn counts(&self, items: &[u32]) -> Counts {
         counts_of_leaf(items.len())
     }
 
     fn write(&self, items: &[u32], bounds: Aabb, space: Space<'_>) -> Child {
+        leaf(items, bounds, &|items: &[u32]| self.0.block(items), space)
+    }
+
+    fn prospect(&self, items: &[u32]) -> Prospect {
+        self.0.prospect(items)
+    }
+}
+
+impl WriteBlocks for Triangles<'_> {
+    fn block(&self, items: &[u32]) -> Block {
         if self.all_have_area {
-            return leaf(
-                items,
-                bounds,
-                &|items: &[u32]| Block::with_area(items, self.mesh),
-                space,
-            );
+            Block::with_area(items, self.mesh)
+        } else {
+            self.block_aside(items)
         }
-        leaf(
-            items,
-            bounds,
-            &|items: &[u32]| Block::of(items.iter().copied(), self.mesh),
-            space,
-        )
+    }
+
+    fn block_aside(&self, items: &[u32]) -> Block {
+        Block::of(items.iter().copied(), self.mesh)
     }
 
     fn prospect(&self, items: &[u32]) -> Prospect {
         Prospect::of_triangles(self.mesh, items)
+    }
+}
+
+impl WriteBlocks for Boxes<'_> {
+    fn block(&self, items: &[u32]) -> Block {
+        Block::of_boxes(items, self.0)
+    }
+
+    fn prospect(&self, items: &[u32]) -> Prospect {
+        Prospect::of_boxes(self.0, items)
     }
 }
 
@@ -434,7 +464,7 @@ impl WriteLeaves for Links<'_> {
     }
 }
 
-/// A leaf of few triangles is one child. More triangles, which cannot be divided, are distributed over nodes.
+/// A leaf of few items is one child. More items, which cannot be divided, are distributed over nodes.
 fn counts_of_leaf(triangles: usize) -> Counts {
     if triangles <= MOST_TRIANGLES {
         return Counts {

@@ -1,4 +1,4 @@
-//! The triangles of a mesh as items: those with an area, and those without.
+//! Items to divide: the triangles of a mesh, those with an area and those without, or boxes.
 
 use kd_core::{Aabb, Mesh, Tree};
 
@@ -14,26 +14,50 @@ pub(crate) struct Items {
 
 /// The triangles of a mesh, each with its box.
 pub(crate) fn items_of_mesh(mesh: &Mesh, is_parallel: bool) -> Items {
+    let (items, some_are_empty) =
+        each_item(mesh.len(), is_parallel, |triangle| item_of(triangle, mesh));
+    if some_are_empty {
+        return divided_by_area(items);
+    }
+    Items {
+        with_area: items,
+        without: Vec::new(),
+    }
+}
+
+/// The boxes that are finite and not empty, numbered by their places.
+pub(crate) fn items_of_boxes(boxes: &[Aabb], is_parallel: bool) -> Vec<Item> {
+    let (mut items, some_are_empty) = each_item(boxes.len(), is_parallel, |number| {
+        let bounds = boxes[number as usize];
+        let is_kept = bounds.min.is_finite() && bounds.max.is_finite() && !bounds.is_empty();
+        Item::within(if is_kept { bounds } else { Aabb::EMPTY }, number)
+    });
+    if some_are_empty {
+        items.retain(|item| !item.is_empty());
+    }
+    items
+}
+
+/// Items by number, and whether any of them is empty.
+fn each_item(
+    count: usize,
+    is_parallel: bool,
+    item_of: impl Fn(u32) -> Item + Send + Sync,
+) -> (Vec<Item>, bool) {
     const CHUNK: usize = 1 << 12;
     // Zeroed pages of the system, untouched: threads share the work of touching them.
-    let mut items: Vec<Item> = bytemuck::zeroed_vec(mesh.len());
+    let mut items: Vec<Item> = bytemuck::zeroed_vec(count);
     large_pages::advise(&items);
     let chunks = (0..).step_by(CHUNK).zip(items.chunks_mut(CHUNK));
-    let all_have_area = kd_tasks::map(chunks.collect(), is_parallel, |(first, chunk)| {
-        let mut all_have_area = true;
-        for (triangle, item) in (first..).zip(chunk) {
-            *item = item_of(triangle, mesh);
-            all_have_area &= !item.is_empty();
+    let some_are_empty = kd_tasks::map(chunks.collect(), is_parallel, |(first, chunk)| {
+        let mut some_are_empty = false;
+        for (number, item) in (first..).zip(chunk) {
+            *item = item_of(number);
+            some_are_empty |= item.is_empty();
         }
-        all_have_area
+        some_are_empty
     });
-    if all_have_area.into_iter().all(|all| all) {
-        return Items {
-            with_area: items,
-            without: Vec::new(),
-        };
-    }
-    divided_by_area(items)
+    (items, some_are_empty.into_iter().any(|some| some))
 }
 
 /// The triangles of a kd-tree, each with its box.

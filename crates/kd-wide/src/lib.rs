@@ -40,6 +40,8 @@
 //! - **Cheapest**: the cheapest by SAH cost of both, and of two other trees over the leaves of the objects: one made bottom-up, and one
 //!   in which subtrees were reinserted at better places.
 //!
+//! [`WideBoxes`] are such nodes over anything that has boxes, divided as objects.
+//!
 //! [`WideTree::new`] follows the planes of a kd-tree instead of its own, in the same cells.
 //!
 //! Planes in large cells make rays 14 % faster in a church, and gain nothing on scans. (`cargo xtask first-ray --scenes DIR` compares
@@ -71,6 +73,7 @@ mod bins;
 mod block;
 mod bottom_up;
 mod box_tree;
+mod boxes;
 mod cheapest;
 mod chunks;
 mod collapse;
@@ -94,6 +97,7 @@ pub use binary::{BinaryNode, BinaryTree};
 pub use block::{Block, LaneCorners};
 pub use bottom_up::clusters;
 pub use box_tree::Item;
+pub use boxes::WideBoxes;
 pub use divide::{MAX_LEVELS, PLANES_ABOVE};
 pub use forest::{Join, Joined, Refit, WideForest};
 pub use frame::{Frame, MOST_USUAL, PER_REACH};

@@ -10,7 +10,7 @@ use crate::block::Block;
 use crate::box_tree::{BoxTree, Item};
 use crate::cheapest::cheapest;
 use crate::divide::{boxes_of_bins, boxes_of_objects, boxes_of_tree};
-use crate::emit;
+use crate::emit::{self, Triangles, WriteBlocks};
 use crate::frame::Frame;
 use crate::items::{Items, items_of_mesh, items_of_tree};
 use crate::node::{Child, WideNode};
@@ -82,7 +82,7 @@ impl WideTree {
             Item::around(&with_area)
         };
         let (boxes, _) = match division {
-            Division::Objects => boxes_of_objects(mesh, with_area, &bounds, divide),
+            Division::Objects => boxes_of_objects(with_area, &bounds, divide),
             Division::Planes { most_references } => {
                 boxes_of_bins(mesh, with_area, &bounds, most_references, divide)
             }
@@ -90,7 +90,11 @@ impl WideTree {
                 cheapest(mesh, with_area, &bounds, most_references, divide)
             }
         };
-        Self::of_boxes(&boxes, Some(&without), mesh, &mesh.bounds(), rest)
+        let triangles = Triangles {
+            mesh,
+            all_have_area: true,
+        };
+        Self::emitted(&boxes, &triangles, &without, &mesh.bounds(), rest)
     }
 
     /// Makes wide nodes from a kd-tree over `mesh` on the calling thread, for the fastest [`Level`] of this processor.
@@ -147,7 +151,11 @@ impl WideTree {
         let [divide, rest] = Work::new(is_parallel, &tracker).divide([3, 1]);
         let Items { with_area, without } = items_of_tree(tree, mesh);
         let (boxes, _) = boxes_of_tree(tree, mesh, with_area, planes_above, divide);
-        let wide = Self::of_boxes(&boxes, Some(&without), mesh, &tree.bounds(), rest);
+        let triangles = Triangles {
+            mesh,
+            all_have_area: true,
+        };
+        let wide = Self::emitted(&boxes, &triangles, &without, &tree.bounds(), rest);
         tracker.finish().map(|()| wide)
     }
 
@@ -179,18 +187,22 @@ impl WideTree {
         let boxes = binary::boxes_of_binary(tree, mesh);
         let tracker = Tracker::new(None);
         let work = Work::new(false, &tracker);
-        Self::of_boxes(&boxes, None, mesh, &mesh.bounds(), work)
+        let triangles = Triangles {
+            mesh,
+            all_have_area: false,
+        };
+        Self::emitted(&boxes, &triangles, &[], &mesh.bounds(), work)
     }
 
-    /// `aside` are all triangles of zero area, if they are in no leaf.
-    fn of_boxes(
+    /// A tree of these boxes, traced in the frame of `bounds`. `aside` are items in no leaf of `boxes`, which rays do not meet.
+    pub(crate) fn emitted(
         boxes: &BoxTree,
-        aside: Option<&[u32]>,
-        mesh: &Mesh,
+        blocks: &impl WriteBlocks,
+        aside: &[u32],
         bounds: &Aabb,
         work: Work<'_>,
     ) -> Self {
-        let (nodes, blocks, root) = emit::emit(boxes, aside, mesh, work);
+        let (nodes, blocks, root) = emit::emit(boxes, blocks, aside, work);
         Self {
             arrays: Arrays::new(nodes, blocks, root),
             frame: Frame::new(bounds),

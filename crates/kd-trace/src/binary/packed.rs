@@ -157,11 +157,11 @@ impl PackedTree {
         Ordered::fill(out, max, |ordered| self.walk(ray, ordered, &mut ()));
     }
 
-    /// As [`RayQuery::hits_behind`].
+    /// As [`hits_behind`](crate::RayQuery::hits_behind) of the trait.
     pub fn hits_behind(&self, ray: &Ray, last: &Hit, max: usize, out: &mut Vec<Hit>) {
         let rest = rest_of(ray, last);
         Ordered::fill_behind(out, Some(*last), max, |ordered| {
-            self.walk(&rest, ordered, &mut ())
+            self.walk(&rest, ordered, &mut ());
         });
     }
 

@@ -5,6 +5,7 @@
 //!                  └▶ triangles   a ray for blocks: which triangles it may hit, at which depths
 //! single            both in one loop, for one ray alone
 //! placed            the same loop in the space of a tree that instances share
+//! boxes             the same loop over boxes of items
 //! batch             a ray among others: one node for many rays, or one step of many
 //! ```
 //!
@@ -20,6 +21,7 @@
 )]
 
 mod batch;
+mod boxes;
 mod nodes;
 mod placed;
 mod single;
@@ -27,8 +29,9 @@ mod triangles;
 
 use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
-use kd_wide::WIDTH;
+use kd_wide::{Frame, WIDTH, WideBoxes};
 
+use super::boxes::VisitItem;
 use super::placed::InPlaced;
 use super::subtree::Subtree;
 use crate::collect::Collect;
@@ -72,6 +75,12 @@ impl TraceSimd for Avx2 {
     fn any<P: Probe>(self, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
         // SAFETY: `self` proves that the processor has AVX2.
         unsafe { single::any(self, subtree, ray, probe) }
+    }
+
+    #[inline(always)]
+    fn boxes<V: VisitItem>(self, boxes: &WideBoxes, frame: &Frame, ray: &Ray, visitor: &mut V) {
+        // SAFETY: `self` proves that the processor has AVX2.
+        unsafe { boxes::visit(boxes, frame, ray, visitor) }
     }
 }
 

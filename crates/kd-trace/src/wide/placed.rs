@@ -30,7 +30,7 @@ use kd_wide::{Block, Frame, WideTree};
 
 use super::portable::PortableRay;
 use super::subtree::Subtree;
-use super::walk::{VisitLeaf, walk_leaves};
+use super::walk::{VisitBlocks, walk};
 use crate::collect::Collect;
 use crate::planes::RayPlanes;
 use crate::probe::Probe;
@@ -222,10 +222,10 @@ impl<C: Collect> InPlaced<'_, C> {
         let local = placement.to_tree(tree, ray);
         let local = local.and_then(|(local, frame)| PortableRay::new(&local, &frame));
         match local {
-            Some(local) => walk_leaves(Subtree::whole(tree), &local, &mut visitor, probe),
+            Some(local) => walk(Subtree::whole(tree), &local, &mut visitor, probe),
             None => {
                 // The visitor may have enough.
-                let _ = visitor.visit(tree.blocks(), probe);
+                let _ = visitor.test_blocks(tree.blocks(), probe);
             }
         }
     }
@@ -246,7 +246,7 @@ struct PlacedTriangles<'a, S, C> {
     collector: &'a mut C,
 }
 
-impl<S: Simd, C: Collect> VisitLeaf for PlacedTriangles<'_, S, C> {
+impl<S: Simd, C: Collect> VisitBlocks for PlacedTriangles<'_, S, C> {
     const ANY: bool = C::ANY;
 
     #[inline(always)]
@@ -255,7 +255,19 @@ impl<S: Simd, C: Collect> VisitLeaf for PlacedTriangles<'_, S, C> {
     }
 
     #[inline(always)]
-    fn visit<P: Probe>(&mut self, blocks: &[Block], probe: &mut P) -> ControlFlow<()> {
+    fn visit<P: Probe>(
+        &mut self,
+        _: &PortableRay,
+        blocks: &[Block],
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        self.test_blocks(blocks, probe)
+    }
+}
+
+impl<S: Simd, C: Collect> PlacedTriangles<'_, S, C> {
+    #[inline(always)]
+    fn test_blocks<P: Probe>(&mut self, blocks: &[Block], probe: &mut P) -> ControlFlow<()> {
         for block in blocks {
             probe.block();
             let count = block.count() as usize;

@@ -1,11 +1,14 @@
 //! A ray for wide nodes and blocks on any processor: the portable twin of `avx2`.
 
+use std::ops::ControlFlow;
+
 use kd_core::{Hit, Ray};
 use kd_simd::{Portable, max, min};
-use kd_wide::{Child, WIDTH, WideNode, WideTree};
+use kd_wide::{Block, Child, WIDTH, WideBoxes, WideNode, WideTree};
 
 use super::batch::Query;
 use super::batch_ray::{BatchRay, Entry, IN_LANES};
+use super::boxes::{Items, VisitItem};
 use super::placed::InPlaced;
 use super::stack::Pending;
 use super::subtree::Subtree;
@@ -51,6 +54,18 @@ impl TraceSimd for Portable {
         self.collect(subtree, ray, &mut any, probe);
         any.0
     }
+
+    #[inline(always)]
+    fn boxes<V: VisitItem>(self, boxes: &WideBoxes, frame: &Frame, ray: &Ray, visitor: &mut V) {
+        if let Some(ray) = PortableRay::new(ray, frame) {
+            walk(
+                Subtree::whole(boxes.as_wide()),
+                &ray,
+                &mut Items(visitor),
+                &mut (),
+            );
+        }
+    }
 }
 
 /// A ray for any processor.
@@ -87,23 +102,35 @@ impl PortableRay {
         self.planes.steps(t)
     }
 
-    /// Where the ray enters eight boxes, and where it leaves them, at the latest at `limit`. It meets a box that it enters before.
+    /// Where the ray enters the boxes of eight children, and where it leaves them, at the latest at `limit`. It meets a box that it
+    /// enters before.
     #[inline(always)]
     fn meet(&self, node: &WideNode, limit: f32) -> [[f32; WIDTH]; 2] {
+        self.slabs(|axis, side| &node.faces[axis][side], limit)
+    }
+
+    /// [`meet`](Self::meet) for the boxes of a block of items. Meaningless in lanes without an item.
+    #[inline(always)]
+    pub(super) fn meet_items(&self, block: &Block, limit: f32) -> [[f32; WIDTH]; 2] {
+        self.slabs(|axis, side| &block.corners[side][axis], limit)
+    }
+
+    /// `faces` are the lower and the upper ones of eight boxes, by axis.
+    #[inline(always)]
+    fn slabs<'a>(
+        &self,
+        faces: impl Fn(usize, usize) -> &'a [f32; WIDTH],
+        limit: f32,
+    ) -> [[f32; WIDTH]; 2] {
         let mut enters = [self.start; WIDTH];
         let mut exits = [limit; WIDTH];
-        for (axis, faces) in node.faces.iter().enumerate() {
+        for axis in 0..3 {
             let near = usize::from(self.planes.is_downwards(axis));
+            let [near, far] = [faces(axis, near), faces(axis, near ^ 1)];
             for lane in 0..WIDTH {
                 // NaN does not count: what overflows is visited.
-                enters[lane] = max(
-                    self.planes.crossing(axis, faces[near][lane]).first,
-                    enters[lane],
-                );
-                exits[lane] = min(
-                    self.planes.crossing(axis, faces[near ^ 1][lane]).last,
-                    exits[lane],
-                );
+                enters[lane] = max(self.planes.crossing(axis, near[lane]).first, enters[lane]);
+                exits[lane] = min(self.planes.crossing(axis, far[lane]).last, exits[lane]);
             }
         }
         [enters, exits]
@@ -136,10 +163,15 @@ impl PortableRay {
         nearest.map(|lane| node.children[lane])
     }
 
-    /// The ray, prepared for triangles.
+    /// Passes every hit in the blocks to the collector. Breaks if the collector does.
     #[inline(always)]
-    pub(super) fn test(&self) -> &TriangleTest {
-        &self.test
+    pub(super) fn visit<C: Collect, P: Probe>(
+        &self,
+        blocks: &[Block],
+        collector: &mut C,
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        self.test.visit(blocks, collector, probe)
     }
 }
 

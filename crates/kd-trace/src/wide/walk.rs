@@ -19,57 +19,49 @@ use super::stack::Stack;
 use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::probe::Probe;
-use crate::triangle::TriangleTest;
 
-/// What a ray does at leaves.
-pub(crate) trait VisitLeaf {
+/// What a ray does with the blocks of a leaf.
+pub(crate) trait VisitBlocks {
     /// Whether the first hit found ends the search.
     const ANY: bool;
 
-    /// Hits beyond this `t` do not matter.
+    /// Nothing beyond this `t` matters; what is at it may.
     fn limit(&self) -> f32;
 
-    /// Tests the blocks of a leaf. Breaks if no other hit can matter.
-    fn visit<P: Probe>(&mut self, blocks: &[Block], probe: &mut P) -> ControlFlow<()>;
+    /// Visits the blocks of a leaf. Breaks if nothing else can matter.
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &PortableRay,
+        blocks: &[Block],
+        probe: &mut P,
+    ) -> ControlFlow<()>;
 }
 
-/// Gives a collector the hits of triangles.
-pub(crate) struct Triangles<'a, C> {
-    pub(crate) test: &'a TriangleTest,
-    pub(crate) collector: &'a mut C,
-}
-
-impl<C: Collect> VisitLeaf for Triangles<'_, C> {
+/// Blocks of triangles: the collector receives every hit that it may want.
+impl<C: Collect> VisitBlocks for C {
     const ANY: bool = C::ANY;
 
     #[inline(always)]
     fn limit(&self) -> f32 {
-        self.collector.limit()
+        Collect::limit(self)
     }
 
     #[inline(always)]
-    fn visit<P: Probe>(&mut self, blocks: &[Block], probe: &mut P) -> ControlFlow<()> {
-        self.test.visit(blocks, self.collector, probe)
+    fn visit<P: Probe>(
+        &mut self,
+        ray: &PortableRay,
+        blocks: &[Block],
+        probe: &mut P,
+    ) -> ControlFlow<()> {
+        ray.visit(blocks, self, probe)
     }
 }
 
-/// Gives the collector every hit of the ray that it may want, roughly front to back.
+/// Lets a visitor visit every leaf that matters, roughly front to back.
 ///
 /// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
-pub(crate) fn walk<C: Collect, P: Probe>(
-    subtree: Subtree<'_>,
-    ray: &PortableRay,
-    collector: &mut C,
-    probe: &mut P,
-) {
-    let test = ray.test();
-    walk_leaves(subtree, ray, &mut Triangles { test, collector }, probe);
-}
-
-/// Visits the leaves that the ray meets up to the limit of the visitor, roughly front to back.
-#[inline(always)]
-pub(crate) fn walk_leaves<V: VisitLeaf, P: Probe>(
+pub(crate) fn walk<V: VisitBlocks, P: Probe>(
     subtree: Subtree<'_>,
     ray: &PortableRay,
     visitor: &mut V,
@@ -86,7 +78,7 @@ pub(crate) fn walk_leaves<V: VisitLeaf, P: Probe>(
             // SAFETY: the child of a subtree or of a node; and a leaf.
             let blocks = unsafe { tree.leaf(child) };
             probe.leaf(|| blocks.iter().map(Block::count).sum());
-            if visitor.visit(blocks, probe).is_break() {
+            if visitor.visit(ray, blocks, probe).is_break() {
                 return;
             }
             limit = min(ray.steps(visitor.limit()), end);

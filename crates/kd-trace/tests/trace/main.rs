@@ -2,6 +2,7 @@
 
 mod adversarial;
 mod binary;
+mod boxes;
 mod cells;
 mod check;
 mod offset;

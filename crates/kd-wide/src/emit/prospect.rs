@@ -17,7 +17,7 @@ const BLOCK: f64 = 1.5;
 
 /// The chance of a hit in a subtree, and its cost.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Prospect {
+pub(crate) struct Prospect {
     /// The area of the triangles, each reference counted.
     area: f64,
     /// The expected cost of a ray that meets the box.
@@ -25,15 +25,25 @@ pub(super) struct Prospect {
 }
 
 impl Prospect {
-    /// Of a leaf.
+    /// Of a leaf of triangles.
     pub(super) fn of_triangles(mesh: &Mesh, triangles: &[u32]) -> Self {
         let area = |triangle: &u32| {
             let [a, b, c] = mesh.corners(*triangle).map(|corner| corner.as_dvec3());
             0.5 * (b - a).cross(c - a).length()
         };
+        Self::of_leaf(triangles.iter().map(area).sum(), triangles.len())
+    }
+
+    /// Of a leaf of boxes. A line that meets a box meets its surface twice, so half of it counts.
+    pub(super) fn of_boxes(boxes: &[Aabb], items: &[u32]) -> Self {
+        let area = |item: &u32| boxes[*item as usize].half_area();
+        Self::of_leaf(items.iter().map(area).sum(), items.len())
+    }
+
+    fn of_leaf(area: f64, items: usize) -> Self {
         Self {
-            area: triangles.iter().map(area).sum(),
-            cost: BLOCK * triangles.len().div_ceil(LANES) as f64,
+            area,
+            cost: BLOCK * items.div_ceil(LANES) as f64,
         }
     }
 

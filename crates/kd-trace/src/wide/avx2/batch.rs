@@ -15,8 +15,8 @@ use crate::wide::stack::Pending;
 use crate::wide::subtree::Subtree;
 
 /// A usual ray, with its query.
-pub(crate) struct Avx2BatchRay<Q> {
-    progress: Progress,
+pub(crate) struct Avx2BatchRay<Q: Query> {
+    progress: Progress<Q::Ray>,
     query: Q,
 }
 
@@ -26,7 +26,7 @@ pub(crate) trait BatchQuery: Query {
 
     fn begin(simd: Avx2) -> Self;
 
-    fn answer(&self, tree: &WideTree, progress: &Progress) -> Self::Answer;
+    fn answer(&self, tree: &WideTree, progress: &Progress<Self::Ray>) -> Self::Answer;
 }
 
 impl BatchQuery for Closest {
@@ -38,7 +38,7 @@ impl BatchQuery for Closest {
     }
 
     #[inline(always)]
-    fn answer(&self, tree: &WideTree, progress: &Progress) -> Option<Hit> {
+    fn answer(&self, tree: &WideTree, progress: &Progress<Self::Ray>) -> Option<Hit> {
         hit_or_none(self.hit(tree.blocks(), progress, &mut ()))
     }
 }
@@ -52,7 +52,7 @@ impl BatchQuery for Any {
     }
 
     #[inline(always)]
-    fn answer(&self, _: &WideTree, _: &Progress) -> bool {
+    fn answer(&self, _: &WideTree, _: &Progress<Self::Ray>) -> bool {
         self.is_hit
     }
 }

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 
 use glam::Vec3;
-use kd_core::Ray;
+use kd_core::{Culling, Ray};
 use kd_wide::{Child, WIDTH, WideNode};
 
 use super::{ROW, read_alone};
@@ -12,12 +12,12 @@ use crate::wide::stack::Pending;
 
 /// The numbers of a ray, in registers. The fourth of each vector is 0.
 #[derive(Clone, Copy)]
-pub(super) struct Numbers {
+pub(crate) struct Numbers {
     pub(super) origin: __m128,
     pub(super) direction: __m128,
     pub(super) t_min: f32,
     pub(super) t_max: f32,
-    /// Whether its mask is empty, or it has a culling.
+    /// Whether its mask is empty, or it has a culling that counts.
     sees_less: bool,
 }
 
@@ -51,6 +51,16 @@ impl Numbers {
             t_min: read_alone(&ray.t_min),
             t_max: read_alone(&ray.t_max),
             sees_less: (ray.mask == 0) | !ray.culling.is_none(),
+        }
+    }
+
+    /// [`one_by_one`](Self::one_by_one) for a ray that meets boxes, which have no sides: only a culling of both counts.
+    #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+    #[inline]
+    pub(super) fn without_culling(ray: &Ray) -> Self {
+        Self {
+            sees_less: (ray.mask == 0) | (ray.culling == Culling::BOTH),
+            ..Self::one_by_one(ray)
         }
     }
 
@@ -109,9 +119,15 @@ pub(crate) struct NodeRay {
 /// Byte offsets in a node, for the rays of an octant.
 #[derive(Clone, Copy)]
 pub(super) struct Rows {
+    faces: Faces,
+    order: u32,
+}
+
+/// Byte offsets of the faces of eight boxes, for the rays of an octant. Each is that of a row.
+#[derive(Clone, Copy)]
+pub(super) struct Faces {
     near: [u32; 3],
     far: [u32; 3],
-    order: u32,
 }
 
 /// By octant: bit 0, 1, 2 set where x, y, z is negative.
@@ -119,23 +135,37 @@ static ROWS: [Rows; 8] = rows();
 
 #[allow(clippy::cast_possible_truncation, reason = "offsets in 256 bytes")]
 const fn rows() -> [Rows; 8] {
+    let faces = faces_by_octant(2 * ROW, ROW);
     let mut all = [Rows {
+        faces: faces[0],
+        order: 0,
+    }; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        all[octant].faces = faces[octant];
+        all[octant].order =
+            (std::mem::offset_of!(WideNode, orders) + size_of::<u32>() * octant) as u32;
+        octant += 1;
+    }
+    all
+}
+
+/// The faces of boxes whose lower faces begin at 0, `per_axis` bytes apart by axis, and whose upper ones are `per_side` bytes behind them.
+#[allow(clippy::cast_possible_truncation, reason = "offsets in 320 bytes")]
+pub(super) const fn faces_by_octant(per_axis: usize, per_side: usize) -> [Faces; 8] {
+    let mut all = [Faces {
         near: [0; 3],
         far: [0; 3],
-        order: 0,
     }; 8];
     let mut octant = 0;
     while octant < 8 {
         let mut axis = 0;
         while axis < 3 {
-            let near = (2 * axis + (octant >> axis & 1)) * ROW;
-            all[octant].near[axis] = near as u32;
-            // The far face is the other row of the pair.
-            all[octant].far[axis] = (near ^ ROW) as u32;
+            let is_downwards = octant >> axis & 1;
+            all[octant].near[axis] = (axis * per_axis + is_downwards * per_side) as u32;
+            all[octant].far[axis] = (axis * per_axis + (1 - is_downwards) * per_side) as u32;
             axis += 1;
         }
-        all[octant].order =
-            (std::mem::offset_of!(WideNode, orders) + size_of::<u32>() * octant) as u32;
         octant += 1;
     }
     all
@@ -245,13 +275,24 @@ pub(super) struct Met {
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 pub(super) fn meet(node: &WideNode, rows: &Rows, axes: &Axes, limit: __m256) -> Met {
-    let base: *const u8 = (&raw const *node).cast();
-    // SAFETY: `at` is the offset of a row of the node.
+    // SAFETY: the faces of a node are rows of it.
+    unsafe { slabs((&raw const *node).cast(), &rows.faces, axes, limit) }
+}
+
+/// Where a ray enters the eight boxes with faces in a node or a block, and which of them it meets.
+///
+/// # Safety
+///
+/// At each of the offsets `faces` from `base` on there are eight floats, aligned to their size.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+pub(super) unsafe fn slabs(base: *const u8, faces: &Faces, axes: &Axes, limit: __m256) -> Met {
+    // SAFETY: `at` is one of the offsets.
     let row = |at: u32| unsafe { _mm256_load_ps(base.add(at as usize).cast()) };
     let entered =
-        |axis: usize| _mm256_fmadd_ps(row(rows.near[axis]), axes.inverse[axis], axes.enter[axis]);
+        |axis: usize| _mm256_fmadd_ps(row(faces.near[axis]), axes.inverse[axis], axes.enter[axis]);
     let left =
-        |axis: usize| _mm256_fmadd_ps(row(rows.far[axis]), axes.inverse[axis], axes.exit[axis]);
+        |axis: usize| _mm256_fmadd_ps(row(faces.far[axis]), axes.inverse[axis], axes.exit[axis]);
     // Of a NaN and a number both instructions return the second operand, here a number: a box that overflows is visited.
     let enters = _mm256_max_ps(
         _mm256_max_ps(entered(0), entered(1)),

@@ -7,6 +7,7 @@ use kd_core::{Ray, is_zero_area};
 use kd_simd::{Avx2, min};
 use kd_wide::Frame;
 
+use super::boxes::Unprepared;
 use super::nodes::{NodeRay, Numbers, Prepared};
 use super::single::{Limit, Place, Progress, Query, trace};
 use super::triangles::{Lanes, TriangleRay, candidates};
@@ -69,11 +70,12 @@ struct PlacedTriangles<'a, C> {
 
 impl<C: Collect> Query for PlacedTriangles<'_, C> {
     const ANY: bool = C::ANY;
+    type Ray = Unprepared;
 
     #[inline(always)]
     fn visit<P: Probe, Caller>(
         &mut self,
-        _: &TriangleRay,
+        _: &Unprepared,
         place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,

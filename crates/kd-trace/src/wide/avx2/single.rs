@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 
 use kd_core::{Culling, Hit, Ray};
 use kd_simd::{Avx2, min};
-use kd_wide::{Block, WIDTH};
+use kd_wide::{Block, WIDTH, WideTree};
 
 use super::nodes::{NodeRay, Numbers, Prepared, enter};
 use super::opaque;
@@ -163,16 +163,34 @@ fn trace_unusual<C: Collect, P: Probe>(
 pub(crate) trait Query {
     /// Whether the first hit found ends the search.
     const ANY: bool;
+    /// The ray as blocks need it.
+    type Ray: BlockRay;
 
     /// Tests the triangles of a block up to a limit, and lowers the limit. Breaks if no other hit can matter. Each `Caller` gets a
     /// copy of its own, which the compiler inlines.
     fn visit<P: Probe, Caller>(
         &mut self,
-        ray: &TriangleRay,
+        ray: &Self::Ray,
         place: Place<'_>,
         limit: &mut Limit,
         probe: &mut P,
     ) -> ControlFlow<()>;
+}
+
+/// A usual ray, prepared for what is in blocks.
+pub(crate) trait BlockRay {
+    /// At the first leaf of a ray.
+    fn prepare(numbers: &Numbers, tree: &WideTree, limit: &mut Limit) -> Self;
+}
+
+impl BlockRay for TriangleRay {
+    #[inline(always)]
+    fn prepare(numbers: &Numbers, tree: &WideTree, limit: &mut Limit) -> Self {
+        // SAFETY: `Numbers` are made where there is an `Avx2`.
+        let ray = unsafe { Self::new(numbers, tree.frame()) };
+        limit.depth = limit.steps * ray.speed;
+        ray
+    }
 }
 
 /// A block of a tree.
@@ -192,13 +210,13 @@ pub(crate) struct Limit {
 }
 
 /// What changes while a ray traverses, whatever it looks for.
-pub(crate) struct Progress {
+pub(crate) struct Progress<R> {
     pub(super) limit: Limit,
-    /// The ray as it was prepared for triangles, if it met some.
-    triangles: Option<TriangleRay>,
+    /// The ray as it was prepared for blocks, if it met some.
+    prepared: Option<R>,
 }
 
-impl Progress {
+impl<R> Progress<R> {
     /// At the start of a ray.
     #[inline(always)]
     pub(super) fn new(nodes: &NodeRay) -> Self {
@@ -207,7 +225,7 @@ impl Progress {
                 steps: nodes.end,
                 depth: f32::INFINITY,
             },
-            triangles: None,
+            prepared: None,
         }
     }
 }
@@ -221,12 +239,12 @@ pub(super) fn trace<Q: Query, P: Probe, Caller: Fn() -> Numbers>(
     subtree: Subtree<'_>,
     numbers: Caller,
     nodes: &NodeRay,
-    progress: &mut Progress,
+    progress: &mut Progress<Q::Ray>,
     query: &mut Q,
     probe: &mut P,
 ) {
     let rows = nodes.rows;
-    let Progress { limit, triangles } = progress;
+    let Progress { limit, prepared } = progress;
     let mut stack = Stack::new();
     let mut pending = stack.pending();
     let tree = subtree.tree();
@@ -268,11 +286,7 @@ pub(super) fn trace<Q: Query, P: Probe, Caller: Fn() -> Numbers>(
         // SAFETY: the child of a subtree or of a node, and a leaf.
         let blocks = unsafe { tree.leaf(child) };
         probe.leaf(|| blocks.iter().map(Block::count).sum());
-        let ray = triangles.get_or_insert_with(|| {
-            let ray = TriangleRay::new(&numbers(), tree.frame());
-            limit.depth = limit.steps * ray.speed;
-            ray
-        });
+        let ray = prepared.get_or_insert_with(|| Q::Ray::prepare(&numbers(), tree, limit));
         for (index, block) in (child.blocks().start..).zip(blocks) {
             probe.block();
             let place = Place {
@@ -308,6 +322,7 @@ pub(crate) struct Closest {
 
 impl Query for Closest {
     const ANY: bool = false;
+    type Ray = TriangleRay;
 
     #[inline(always)]
     fn visit<P: Probe, Caller>(
@@ -339,10 +354,10 @@ impl Closest {
     pub(super) fn hit<P: Probe>(
         &self,
         blocks: &[Block],
-        progress: &Progress,
+        progress: &Progress<TriangleRay>,
         probe: &mut P,
     ) -> Hit {
-        match &progress.triangles {
+        match &progress.prepared {
             Some(ray) if self.sure != NOTHING => {
                 probe.decision();
                 let BlockLane { block, lane } = BlockLane::new(blocks, self.sure);
@@ -437,6 +452,7 @@ pub(crate) struct Any {
 
 impl Query for Any {
     const ANY: bool = true;
+    type Ray = TriangleRay;
 
     #[inline(always)]
     fn visit<P: Probe, Caller>(
@@ -502,6 +518,7 @@ struct Collecting<'c, C, V> {
 
 impl<C: Collect, V: Sees> Query for Collecting<'_, C, V> {
     const ANY: bool = C::ANY;
+    type Ray = TriangleRay;
 
     #[inline(always)]
     fn visit<P: Probe, Caller>(
