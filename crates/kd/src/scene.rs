@@ -11,6 +11,8 @@ mod part;
 mod parts;
 mod plan;
 mod report;
+mod shared;
+mod sharing;
 mod sight;
 mod strategy;
 
@@ -158,7 +160,7 @@ impl Scene {
     /// Adds the mesh of a part again, with a transform. The instance is a part of its own, and may move. It follows
     /// [`set_positions`](Self::set_positions) of the part that it was made from, which may be removed.
     ///
-    /// Frames hold the transformed triangles, so an instance takes the memory of any part, except for its mesh.
+    /// Instances [share](Strategy#instances-that-share) a tree, or have copies of it, as the strategy says.
     ///
     /// # Errors
     ///
@@ -210,7 +212,7 @@ impl Scene {
             );
         }
         for place in places {
-            self.parts.change(place).mesh = Arc::clone(&mesh);
+            self.parts.set_mesh(place, &mesh);
         }
         Ok(())
     }

@@ -107,9 +107,10 @@ impl Placement {
         self.bounds
     }
 
-    /// The number that is added to those of triangles.
-    pub fn first_slot(&self) -> u32 {
-        self.first_slot
+    /// The same place, with another number added to those of triangles.
+    #[must_use]
+    pub fn with_first_slot(self, first_slot: u32) -> Self {
+        Self { first_slot, ..self }
     }
 
     /// The ray in the space of the tree, and the frame for its boxes. `None` if f32 cannot hold it.

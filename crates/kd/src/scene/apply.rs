@@ -4,13 +4,14 @@ use std::mem;
 use std::sync::Arc;
 
 use kd_core::Mesh;
-use kd_trace::Joined;
+use kd_trace::{Joined, WideForest};
 
 use super::forests::Update;
 use super::frame::{FrameData, Shape};
 use super::frame_parts::FramePart;
-use super::plan::{MergePlan, PartPlan, Plan};
+use super::plan::{MergePlan, PartPlan, Plan, Planned};
 use super::report::{CommitAction, CommitReason, CommitReport, PartChange};
+use super::shared::{PartMesh, SharedParts};
 use super::{Scene, Strategy};
 use crate::layout::TreeLayout;
 
@@ -65,12 +66,13 @@ impl Scene {
             FramePart {
                 id: part.id,
                 first_slot: first,
-                mesh: Arc::clone(mesh),
+                mesh: PartMesh::Placed(Arc::clone(mesh)),
                 sight: part.sight(),
             }
         });
         let frame = FrameData {
             shape: Shape::Whole(layout),
+            shared: Arc::default(),
             parts: parts.collect(),
         };
         self.show_without_nodes(frame);
@@ -93,11 +95,12 @@ impl Scene {
         let parts = parts.map(|(part, mesh)| FramePart {
             id: part.id,
             first_slot: part.first_slot,
-            mesh,
+            mesh: PartMesh::Placed(mesh),
             sight: part.sight(),
         });
         let frame = FrameData {
             shape: Shape::Merged(plan.trees),
+            shared: Arc::default(),
             parts: parts.collect(),
         };
         self.moving_trees = plan.moving;
@@ -116,31 +119,45 @@ impl Scene {
             Shape::Forests(forests) => forests,
             Shape::Whole(_) | Shape::Merged(_) => Vec::new(),
         };
-        for gone in self.parts.take_changes(self.commits) {
+        let gone = self.parts.take_changes(self.commits);
+        let shares_change = self.share(&mut forests, plans) || gone.iter().any(|gone| gone.shared);
+        for gone in gone {
             frame.parts.remove(gone.id);
             if let Some(nodes) = gone.nodes {
                 forests[nodes.forest].remove(nodes.member);
             }
         }
         let mut forests = self.regroup(forests);
-        let updates: Vec<Update<'_>> = plans.iter().map(Update::of).collect();
+        let updates: Vec<Update<'_>> = plans.iter().filter_map(Update::of).collect();
         self.update_forests(&mut forests, &updates);
         for plan in plans {
             let part = self.parts.at(plan.place);
             frame.parts.set(FramePart {
                 id: part.id,
                 first_slot: part.first_slot,
-                mesh: Arc::clone(&plan.mesh),
+                mesh: plan.mesh(),
                 sight: part.sight(),
             });
         }
         self.set_masks(&mut frame);
         if self.has_new_slots {
             self.renumber_slots(&mut forests);
+            for part in self.parts.all_mut() {
+                let first_slot = part.first_slot;
+                let shared = part.shared.as_deref();
+                part.shared = shared.map(|shared| Arc::new(shared.with_first_slot(first_slot)));
+            }
             let parts = self.parts.all().map(|part| FramePart {
                 id: part.id,
                 first_slot: part.first_slot,
-                mesh: Arc::clone(frame.parts.mesh(part.id).expect("set now or before")),
+                mesh: match &part.shared {
+                    Some(shared) => PartMesh::Shared(Arc::clone(shared)),
+                    None => frame
+                        .parts
+                        .mesh(part.id)
+                        .expect("set now or before")
+                        .clone(),
+                },
                 sight: part.sight(),
             });
             frame.parts = parts.collect();
@@ -148,7 +165,7 @@ impl Scene {
         frame.parts.fit();
         let changes = plans.iter().map(|plan| PartChange {
             part: self.parts.at(plan.place).id,
-            triangles: plan.mesh.len(),
+            triangles: self.parts.at(plan.place).mesh.len(),
             action: plan.done.0,
             reason: plan.done.1.clone(),
         });
@@ -156,17 +173,42 @@ impl Scene {
         if self.strategy == Strategy::Auto {
             let area = frame.parts.bounds().half_area();
             let built = self.build_where_it_pays(&forests, area, plans, &mut changes);
-            let updates = built.iter().map(|(number, nodes)| Update {
-                nodes,
-                ..Update::of(&plans[*number])
+            let updates = built.iter().filter_map(|(number, nodes)| {
+                Some(Update {
+                    nodes,
+                    ..Update::of(&plans[*number])?
+                })
             });
             let updates: Vec<Update<'_>> = updates.collect();
             self.update_forests(&mut forests, &updates);
+        }
+        if shares_change || self.has_new_slots {
+            let parts = self.parts.all().filter_map(|part| part.shared.clone());
+            let parts = SharedParts::new(parts.collect(), self.is_parallel());
+            frame.shared = Arc::new(parts);
         }
         let joined = self.join(&mut forests);
         frame.shape = Shape::Forests(forests);
         self.front = Arc::new(frame);
         (changes, joined)
+    }
+
+    /// Notes which of the planned parts share trees, and removes the nodes of their own that they had. Returns whether a part shares a
+    /// tree, or no longer does.
+    fn share(&mut self, forests: &mut [WideForest], plans: &[PartPlan]) -> bool {
+        let mut is_change = false;
+        for plan in plans {
+            let part = self.parts.at_mut(plan.place);
+            let before = part.shared.take();
+            if let Planned::Shared(shared) = &plan.planned {
+                part.shared = Some(Arc::clone(shared));
+                if let Some(nodes) = part.nodes.take() {
+                    forests[nodes.forest].remove(nodes.member);
+                }
+            }
+            is_change |= before.is_some() || part.shared.is_some();
+        }
+        is_change
     }
 
     /// Shows the frame before, with the masks that were set since.
@@ -224,6 +266,7 @@ impl Scene {
         self.parts.take_masked();
         for part in self.parts.all_mut() {
             part.nodes = None;
+            part.shared = None;
         }
         let before = mem::replace(&mut self.front, Arc::new(frame));
         // Of its trees the next merge makes use.

@@ -6,7 +6,7 @@ use kd_core::Mesh;
 use kd_trace::{Join, Joined, Refit, WideForest};
 
 use super::part::{PartNodes, Role};
-use super::plan::{Nodes, PartPlan};
+use super::plan::{Nodes, PartPlan, Planned};
 use super::report::{CommitAction, CommitReason, PartChange};
 use super::{Scene, Strategy};
 
@@ -26,11 +26,15 @@ pub(super) struct Update<'a> {
 }
 
 impl<'a> Update<'a> {
-    pub(super) fn of(plan: &'a PartPlan) -> Self {
-        Self {
-            place: plan.place,
-            mesh: &plan.mesh,
-            nodes: &plan.nodes,
+    /// `None` if the part has no nodes of its own.
+    pub(super) fn of(plan: &'a PartPlan) -> Option<Self> {
+        match &plan.planned {
+            Planned::Own { mesh, nodes } => Some(Self {
+                place: plan.place,
+                mesh,
+                nodes,
+            }),
+            Planned::Shared(_) => None,
         }
     }
 }
@@ -76,7 +80,7 @@ impl Scene {
     pub(super) fn update_forests(&mut self, forests: &mut [WideForest], updates: &[Update<'_>]) {
         for update in updates {
             let nodes = self.parts.at(update.place).nodes;
-            if let (Nodes::New(_) | Nodes::Shared(_), Some(nodes)) = (update.nodes, nodes) {
+            if let (Nodes::New(_) | Nodes::Copied(_), Some(nodes)) = (update.nodes, nodes) {
                 forests[nodes.forest].remove(nodes.member);
             }
         }
@@ -86,7 +90,7 @@ impl Scene {
                 .filter(|update| self.forest_of(self.parts.at(update.place).role) == number);
             forest.reserve(of_forest.filter_map(|update| match update.nodes {
                 Nodes::New(tree) => Some(tree),
-                Nodes::Kept | Nodes::Shared(_) => None,
+                Nodes::Kept | Nodes::Copied(_) => None,
             }));
         }
         let mut refits: Vec<Vec<Refit<'_>>> = vec![Vec::new(); forests.len()];
@@ -101,7 +105,7 @@ impl Scene {
                     member: forests[forest].push(tree, first_slot),
                     first_slot,
                 },
-                Nodes::Shared(original) => {
+                Nodes::Copied(original) => {
                     let original = self.parts.at(*original).nodes;
                     let original = original.expect("an original precedes its instances");
                     PartNodes {
@@ -132,7 +136,7 @@ impl Scene {
             let part = self.parts.at(update.place);
             let cost = match update.nodes {
                 Nodes::Kept => continue,
-                Nodes::Shared(original) => self.parts.at(*original).cost,
+                Nodes::Copied(original) => self.parts.at(*original).cost,
                 Nodes::New(_) => {
                     let nodes = part.nodes.expect("just pushed");
                     let cost = forests[nodes.forest].cost(nodes.member);
@@ -166,6 +170,9 @@ impl Scene {
     ) -> Vec<(usize, Nodes)> {
         let mut built = Vec::new();
         for (number, (plan, change)) in plans.iter().zip(changes).enumerate() {
+            let Planned::Own { mesh, .. } = &plan.planned else {
+                continue;
+            };
             if change.action != CommitAction::Refitted {
                 continue;
             }
@@ -183,7 +190,7 @@ impl Scene {
             };
             if ray_loss_ns > build_ns {
                 change.action = CommitAction::BuiltFast;
-                built.push((number, Nodes::New(self.build_fast(&plan.mesh))));
+                built.push((number, Nodes::New(self.build_fast(mesh))));
             }
         }
         built

@@ -3,13 +3,17 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
+use glam::Vec3;
 use kd_core::{Aabb, Culling, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
 use kd_trace::kit::{Any, Closest, Collect, Ordered};
 use kd_trace::{RayQuery, WideForest, WideTree, delegate_ray_query};
 
 use super::PartId;
+#[cfg(doc)]
+use super::Strategy;
 use super::frame_parts::FrameParts;
 use super::merged::MergedTrees;
+use super::shared::{PartMesh, SharedParts};
 use super::sight::Sieve;
 use crate::layout::{TreeLayout, TreeLayoutRef};
 
@@ -46,6 +50,8 @@ impl Deref for Frame<'_> {
 #[derive(Clone, Debug, Default)]
 pub struct FrameData {
     pub(super) shape: Shape,
+    /// Parts that share trees, which `shape` does not have.
+    pub(super) shared: Arc<SharedParts>,
     pub(super) parts: FrameParts,
 }
 
@@ -74,18 +80,30 @@ impl FrameData {
 
     /// A part's mesh, transformed as in this frame: for corners and normals of hits. `None` for a part that is not in the frame, and
     /// for an id of another scene.
+    ///
+    /// The mesh of an instance that [shares](Strategy#instances-that-share) is made at the first call, and kept.
+    /// [`corners`](Self::corners) makes none.
     pub fn mesh(&self, part: PartId) -> Option<&Arc<Mesh>> {
-        self.parts.mesh(part)
+        self.parts.mesh(part).map(PartMesh::mesh)
     }
 
-    /// The bounding box of all triangles; [`Aabb::EMPTY`] without any.
+    /// The corners of a triangle of a part, transformed as in this frame. `None` if the part is not in the frame, or has no such
+    /// triangle.
+    pub fn corners(&self, part: PartId, triangle: u32) -> Option<[Vec3; 3]> {
+        let mesh = self.parts.mesh(part)?;
+        ((triangle as usize) < mesh.len()).then(|| mesh.corners(triangle))
+    }
+
+    /// A box around all triangles, the smallest one if no parts [share](Strategy#instances-that-share) trees; [`Aabb::EMPTY`] without
+    /// any.
     pub fn bounds(&self) -> Aabb {
         self.parts.bounds()
     }
 
-    /// Bytes of the frame's layout.
+    /// Bytes of the frame's layout. A tree that parts share counts once.
     pub fn bytes(&self) -> LayoutBytes {
-        self.trees().map(TreeLayoutRef::bytes).sum()
+        let of_trees: LayoutBytes = self.trees().map(TreeLayoutRef::bytes).sum();
+        of_trees + self.shared.bytes()
     }
 
     /// Which layout rays traverse; [`kd::layout`](crate::layout) says why.
@@ -219,6 +237,11 @@ impl FrameData {
                 *hit = first_of(*hit, other);
             }
         }
+        if !self.shared.is_empty() {
+            for (ray, hit) in packet.rays().iter().zip(&mut hits) {
+                self.add_shared(ray, hit);
+            }
+        }
         hits.map(|hit| hit.map(|hit| self.of_part(hit)))
     }
 
@@ -233,7 +256,28 @@ impl FrameData {
                 *occluded |= by_this;
             }
         }
+        if !self.shared.is_empty() {
+            for (ray, occluded) in packet.rays().iter().zip(&mut occluded) {
+                self.add_shared_occluded(ray, occluded);
+            }
+        }
         occluded
+    }
+
+    /// Replaces the closest hit of a ray that sees all parts, if one in a part that shares is before it.
+    fn add_shared(&self, ray: &Ray, hit: &mut Option<Hit>) {
+        let mut closest = Closest(*hit);
+        self.shared.collect(ray, &mut closest);
+        *hit = closest.0;
+    }
+
+    /// Notes whether a ray that sees all parts hits one that shares.
+    fn add_shared_occluded(&self, ray: &Ray, occluded: &mut bool) {
+        if !*occluded {
+            let mut any = Any::default();
+            self.shared.collect(ray, &mut any);
+            *occluded = any.0;
+        }
     }
 
     /// Gives the collector every hit of the ray that it may want, with slots for triangles.
@@ -255,6 +299,9 @@ impl FrameData {
             if collector.is_done() {
                 return;
             }
+        }
+        if !self.shared.is_empty() {
+            self.shared.collect(ray, collector);
         }
     }
 
@@ -296,11 +343,10 @@ impl FrameData {
     /// The closest hit of each of some rays that see all parts, with slots for triangles.
     fn batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         let mut trees = self.trees();
-        let Some(first) = trees.next() else {
-            hits.fill(None);
-            return;
-        };
-        first.intersect_batch(rays, hits);
+        match trees.next() {
+            Some(first) => first.intersect_batch(rays, hits),
+            None => hits.fill(None),
+        }
         for tree in trees {
             let pairs = rays.iter().zip(&*hits);
             let shorter = pairs.map(|(ray, hit)| hit.map_or(*ray, |hit| up_to(ray, hit.t)));
@@ -311,21 +357,30 @@ impl FrameData {
                 *hit = first_of(*hit, other);
             }
         }
+        if !self.shared.is_empty() {
+            for (ray, hit) in rays.iter().zip(hits) {
+                self.add_shared(ray, hit);
+            }
+        }
     }
 
     /// Whether each of some rays that see all parts hits anything.
     fn batch_occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         let mut trees = self.trees();
-        let Some(first) = trees.next() else {
-            occluded.fill(false);
-            return;
-        };
-        first.occluded_batch(rays, occluded);
+        match trees.next() {
+            Some(first) => first.occluded_batch(rays, occluded),
+            None => occluded.fill(false),
+        }
         for tree in trees {
             let mut by_this = vec![false; rays.len()];
             tree.occluded_batch(rays, &mut by_this);
             for (occluded, by_this) in occluded.iter_mut().zip(by_this) {
                 *occluded |= by_this;
+            }
+        }
+        if !self.shared.is_empty() {
+            for (ray, occluded) in rays.iter().zip(occluded) {
+                self.add_shared_occluded(ray, occluded);
             }
         }
     }
@@ -334,7 +389,9 @@ impl FrameData {
     #[inline]
     fn only_tree(&self) -> Option<&WideTree> {
         match &self.shape {
-            Shape::Forests(forests) if forests.len() == 1 => Some(forests[0].tree()),
+            Shape::Forests(forests) if forests.len() == 1 && self.shared.is_empty() => {
+                Some(forests[0].tree())
+            }
             _ => None,
         }
     }
@@ -371,6 +428,7 @@ impl FrameData {
             }
             (own, other) => own.clone_from(other),
         }
+        self.shared.clone_from(&with.shared);
         self.parts.clone_from(&with.parts);
     }
 }

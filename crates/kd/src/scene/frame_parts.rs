@@ -3,9 +3,10 @@
 use std::slice;
 use std::sync::Arc;
 
-use kd_core::{Aabb, Mesh};
+use kd_core::Aabb;
 
 use super::PartId;
+use super::shared::PartMesh;
 use super::sight::{Sight, Sights};
 
 /// The most parts of a group. A frame copies the groups of parts that have changed, and visits all groups.
@@ -17,7 +18,7 @@ pub(super) struct FramePart {
     pub(super) id: PartId,
     /// Its first slot.
     pub(super) first_slot: u32,
-    pub(super) mesh: Arc<Mesh>,
+    pub(super) mesh: PartMesh,
     pub(super) sight: Sight,
 }
 
@@ -26,7 +27,7 @@ pub(super) struct FramePart {
 pub(super) struct PartOfSlot<'a> {
     pub(super) id: PartId,
     pub(super) first_slot: u32,
-    pub(super) mesh: &'a Mesh,
+    pub(super) mesh: &'a PartMesh,
     pub(super) sight: Sight,
 }
 
@@ -55,7 +56,7 @@ struct Members {
     /// The first slot of each.
     first_slots: Vec<u32>,
     ids: Vec<PartId>,
-    meshes: Vec<Arc<Mesh>>,
+    meshes: Vec<PartMesh>,
     /// The boxes of the meshes.
     boxes: Vec<Aabb>,
     sights: Vec<Sight>,
@@ -95,7 +96,7 @@ impl FrameParts {
     }
 
     /// The mesh of a part.
-    pub(super) fn mesh(&self, id: PartId) -> Option<&Arc<Mesh>> {
+    pub(super) fn mesh(&self, id: PartId) -> Option<&PartMesh> {
         let members = &self.groups[self.group_of(id)?].members;
         let place = members.ids.binary_search(&id).ok()?;
         (members.ids[place].scene() == id.scene()).then(|| &members.meshes[place])

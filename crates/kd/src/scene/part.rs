@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::Affine3A;
 use kd_core::Mesh;
 
+use super::shared::SharedPart;
 use super::sight::Sight;
 
 /// The name of a part of a [`Scene`](crate::Scene). An id is never given to another part of the same scene, not even after the
@@ -161,6 +162,8 @@ pub(super) struct Part {
     pub(super) moved: u64,
     /// `None` before the first commit, and after one whose frame has no wide nodes of parts.
     pub(super) nodes: Option<PartNodes>,
+    /// Set while it shares a tree in the last frame, in place of nodes of its own.
+    pub(super) shared: Option<Arc<SharedPart>>,
     /// The SAH cost of its nodes when they were built ([`WideForest::cost`](kd_trace::WideForest::cost)), for a transform that
     /// scales no lengths.
     pub(super) cost: f64,
@@ -186,6 +189,7 @@ impl Part {
             first_slot,
             moved: 0,
             nodes: None,
+            shared: None,
             cost: 0.0,
         }
     }
@@ -197,7 +201,7 @@ impl Part {
     }
 
     pub(super) fn sight(&self) -> Sight {
-        Sight::new(self.mask, &self.transform)
+        Sight::new(self.mask, &self.transform, self.shared.is_some())
     }
 
     pub(super) fn version(&self) -> PartVersion {

@@ -1,7 +1,12 @@
 //! The parts of a scene, with what has changed since the last commit.
 
+use std::sync::Arc;
+
+use kd_core::Mesh;
+
 use super::PartId;
 use super::part::{Part, PartNodes};
+use super::sharing::Meshes;
 
 /// Parts in the order of their ids, added and removed in constant time on average.
 ///
@@ -12,6 +17,7 @@ pub(super) struct Parts {
     /// Those of `all` that are removed.
     removed: usize,
     triangles: usize,
+    meshes: Meshes,
     /// Parts that have changed since the last commit; some may be removed since.
     changed: Vec<PartId>,
     /// Parts that were removed since the last commit.
@@ -25,6 +31,8 @@ pub(super) struct Parts {
 pub(super) struct Gone {
     pub(super) id: PartId,
     pub(super) nodes: Option<PartNodes>,
+    /// Whether it shared a tree there.
+    pub(super) shared: bool,
 }
 
 impl Parts {
@@ -41,6 +49,7 @@ impl Parts {
     /// Adds a part, whose id is above all others. It has changed.
     pub(super) fn push(&mut self, part: Part) {
         self.triangles += part.mesh.len();
+        self.meshes.add(&part.mesh);
         self.changed.push(part.id);
         self.all.push(part);
     }
@@ -50,10 +59,12 @@ impl Parts {
         let part = &mut self.all[place];
         part.is_removed = true;
         self.triangles -= part.mesh.len();
+        self.meshes.remove(&part.mesh);
         self.removed += 1;
         self.gone.push(Gone {
             id: part.id,
             nodes: part.nodes,
+            shared: part.shared.is_some(),
         });
         // Half of the parts pay for moving the others.
         if 2 * self.removed > self.all.len() {
@@ -93,6 +104,22 @@ impl Parts {
             self.changed.push(part.id);
         }
         part
+    }
+
+    /// Replaces the mesh of the part at an index, from the next commit on.
+    pub(super) fn set_mesh(&mut self, place: usize, mesh: &Arc<Mesh>) {
+        self.meshes.add(mesh);
+        let before = std::mem::replace(&mut self.change(place).mesh, Arc::clone(mesh));
+        self.meshes.remove(&before);
+    }
+
+    /// The meshes of all parts.
+    pub(super) fn meshes(&self) -> &Meshes {
+        &self.meshes
+    }
+
+    pub(super) fn meshes_mut(&mut self) -> &mut Meshes {
+        &mut self.meshes
     }
 
     /// Sets the mask of the part at an index, from the next commit on.

@@ -12,6 +12,7 @@ use super::merged::{MergedPart, MergedTrees};
 use super::moving::MovingTree;
 use super::part::{Part, PartVersion, Role};
 use super::report::{CommitAction, CommitReason};
+use super::shared::{PartMesh, SharedPart};
 use super::{CommitError, MergeMethod, Scene, Strategy};
 use crate::layout::{self, FrameLayout, LayoutPolicy, TreeLayout};
 
@@ -41,11 +42,31 @@ pub(super) struct MergePlan {
 pub(super) struct PartPlan {
     /// Its index in the scene.
     pub(super) place: usize,
-    /// Where its triangles are.
-    pub(super) mesh: Arc<Mesh>,
-    pub(super) nodes: Nodes,
+    pub(super) planned: Planned,
     /// What the report says.
     pub(super) done: (CommitAction, CommitReason),
+}
+
+/// What rays traverse in a part.
+pub(super) enum Planned {
+    /// Nodes of its own.
+    Own {
+        /// Where its triangles are.
+        mesh: Arc<Mesh>,
+        nodes: Nodes,
+    },
+    /// A tree that it shares with other parts.
+    Shared(Arc<SharedPart>),
+}
+
+impl PartPlan {
+    /// The triangles of the part in the next frame.
+    pub(super) fn mesh(&self) -> PartMesh {
+        match &self.planned {
+            Planned::Own { mesh, .. } => PartMesh::Placed(Arc::clone(mesh)),
+            Planned::Shared(part) => PartMesh::Shared(Arc::clone(part)),
+        }
+    }
 }
 
 /// Where a part's nodes come from.
@@ -54,8 +75,8 @@ pub(super) enum Nodes {
     Kept,
     /// A tree that was just built.
     New(WideTree),
-    /// The part at that index in the scene, which has the same mesh.
-    Shared(usize),
+    /// A copy of those of the part at that index in the scene, which has the same mesh.
+    Copied(usize),
 }
 
 impl Scene {
@@ -86,18 +107,25 @@ impl Scene {
     }
 
     /// Plans for the parts that have changed; for all parts where the frame before has no wide nodes of them.
-    fn plan_parts(&self) -> Result<Vec<PartPlan>, CommitError> {
+    fn plan_parts(&mut self) -> Result<Vec<PartPlan>, CommitError> {
         let places = match &self.front.shape {
             Shape::Forests(_) => self.parts.changed(),
             Shape::Whole(_) | Shape::Merged(_) => self.parts.places(),
         };
+        let sharing = self.plan_sharing(&places)?;
         self.each_part(places, |place, part| {
+            if let Some((shared, reason)) = sharing.place(part) {
+                return Ok(PartPlan {
+                    place,
+                    planned: Planned::Shared(shared),
+                    done: (CommitAction::Shared, reason),
+                });
+            }
             let mesh = self.placed(part)?;
             let (nodes, done) = self.plan_part(part, &mesh)?;
             Ok(PartPlan {
                 place,
-                mesh,
-                nodes,
+                planned: Planned::Own { mesh, nodes },
                 done,
             })
         })
@@ -287,7 +315,7 @@ impl Scene {
         }
         if let (None, Some(original)) = (part.nodes, self.shares_with(part)) {
             let done = (CommitAction::Refitted, reason);
-            return Ok((Nodes::Shared(original), done));
+            return Ok((Nodes::Copied(original), done));
         }
         let (nodes, action) = self.build(part, mesh)?;
         Ok((nodes, (action, reason)))
@@ -320,11 +348,14 @@ impl Scene {
         LayoutPolicy::new(&self.options).wide_tree_of_objects(mesh)
     }
 
-    /// The index of the part that an instance was made from, if they have the same mesh.
+    /// The index of the part that an instance was made from, if they have the same mesh, and each has nodes of its own.
     fn shares_with(&self, part: &Part) -> Option<usize> {
         let Role::Instance(original) = part.role else {
             return None;
         };
+        if self.parts.meshes().have_shared(&part.mesh) {
+            return None;
+        }
         let place = self.place(original).ok()?;
         Arc::ptr_eq(&self.parts.at(place).mesh, &part.mesh).then_some(place)
     }

@@ -61,6 +61,8 @@ pub enum CommitAction {
     Inserted,
     /// Built in one tree with all other parts.
     BuiltWithAll,
+    /// Placed: it shares one tree with other parts of the same mesh.
+    Shared,
 }
 
 /// Why a commit did something with a part.
@@ -78,6 +80,16 @@ pub enum CommitReason {
         ray_loss_ns: f64,
         /// Time by which building exceeds refitting, in nanoseconds.
         build_ns: f64,
+    },
+    /// [`Strategy::Auto`] compared the memory and the time of copies of a mesh with the time that the rays of a frame lose where
+    /// parts share one tree.
+    Sharing {
+        /// Bytes of copies for all parts of the mesh.
+        copied_bytes: f64,
+        /// Time to make the copies of the parts that have changed, in nanoseconds.
+        copy_ns: f64,
+        /// Time that rays lose in these parts, in nanoseconds.
+        ray_loss_ns: f64,
     },
 }
 
@@ -104,6 +116,7 @@ impl fmt::Display for PartChange {
             CommitAction::Moved => "moved with its tree",
             CommitAction::Inserted => "inserted",
             CommitAction::BuiltWithAll => "built with all others",
+            CommitAction::Shared => "shares a tree",
         };
         write!(f, "{}, {} triangles: {done}, ", self.part, self.triangles)?;
         match &self.reason {
@@ -117,6 +130,17 @@ impl fmt::Display for PartChange {
                 "rays lose {:.3} ms, a build takes {:.3} ms",
                 ray_loss_ns * 1e-6,
                 build_ns * 1e-6
+            ),
+            CommitReason::Sharing {
+                copied_bytes,
+                copy_ns,
+                ray_loss_ns,
+            } => write!(
+                f,
+                "copies take {:.0} MB and {:.3} ms, rays lose {:.3} ms",
+                copied_bytes * 1e-6,
+                copy_ns * 1e-6,
+                ray_loss_ns * 1e-6
             ),
         }
     }

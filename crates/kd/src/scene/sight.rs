@@ -16,13 +16,16 @@ pub(super) struct Sight {
     pub(super) mask: u32,
     /// Whether its transform turns the front of triangles to their back.
     pub(super) is_mirrored: bool,
+    /// Whether it shares a tree with other parts.
+    pub(super) is_shared: bool,
 }
 
 impl Sight {
-    pub(super) fn new(mask: u32, transform: &Affine3A) -> Self {
+    pub(super) fn new(mask: u32, transform: &Affine3A, is_shared: bool) -> Self {
         Self {
             mask,
             is_mirrored: mirrors(&transform.matrix3),
+            is_shared,
         }
     }
 }
@@ -48,7 +51,8 @@ pub(super) struct Sights {
     common: u32,
     /// Each mask once; empty if there are more than [`Self::MOST`].
     masks: Vec<u32>,
-    has_mirrored: bool,
+    /// Whether sides are decided part by part: where a part is mirrored, or shares a tree.
+    has_own_sides: bool,
 }
 
 impl Default for Sights {
@@ -56,7 +60,7 @@ impl Default for Sights {
         Self {
             common: u32::MAX,
             masks: Vec::new(),
-            has_mirrored: false,
+            has_own_sides: false,
         }
     }
 }
@@ -69,7 +73,7 @@ impl Sights {
         let each = sights.iter().map(|sight| Self {
             common: sight.mask,
             masks: vec![sight.mask],
-            has_mirrored: sight.is_mirrored,
+            has_own_sides: sight.is_mirrored || sight.is_shared,
         });
         each.fold(Self::default(), |all, one| all.and(&one))
     }
@@ -79,7 +83,7 @@ impl Sights {
         let is_known = |of: &Self| !of.masks.is_empty() || of == &Self::default();
         let are_known = is_known(&self) && is_known(others);
         self.common &= others.common;
-        self.has_mirrored |= others.has_mirrored;
+        self.has_own_sides |= others.has_own_sides;
         for mask in &others.masks {
             if !self.masks.contains(mask) {
                 self.masks.push(*mask);
@@ -95,7 +99,7 @@ impl Sights {
     #[inline]
     pub(super) fn sees_all(&self, ray: &Ray) -> bool {
         (ray.mask & self.common != 0 || self.has_bit_of_each(ray.mask))
-            && !(self.has_mirrored && !ray.culling.is_none())
+            && !(self.has_own_sides && !ray.culling.is_none())
     }
 
     fn has_bit_of_each(&self, mask: u32) -> bool {
@@ -174,7 +178,7 @@ mod tests {
             (scale(tiny, tiny, -tiny), true),
         ] {
             assert_eq!(
-                Sight::new(0, &transform).is_mirrored,
+                Sight::new(0, &transform, false).is_mirrored,
                 expected,
                 "{transform}"
             );
@@ -184,12 +188,19 @@ mod tests {
         let b = Vec3::new(1.0, 2.0, 3.0_f32.next_up());
         let nearly = Affine3A::from_mat3(glam::Mat3::from_cols(a, b, Vec3::X));
         let mirrored = Affine3A::from_mat3(glam::Mat3::from_cols(b, a, Vec3::X));
-        assert_ne!(Sight::new(0, &nearly), Sight::new(0, &mirrored));
+        assert_ne!(
+            Sight::new(0, &nearly, false),
+            Sight::new(0, &mirrored, false)
+        );
     }
 
     #[test]
     fn rays_that_see_all_parts_are_known() {
-        let part = |mask: u32, is_mirrored: bool| Sight { mask, is_mirrored };
+        let part = |mask: u32, is_mirrored: bool| Sight {
+            mask,
+            is_mirrored,
+            is_shared: false,
+        };
         let ray = Ray::new([0.0; 3], [1.0; 3]);
         let sees = |sights: &Sights, mask: u32| sights.sees_all(&ray.with_mask(mask));
         let none = Sights::default();

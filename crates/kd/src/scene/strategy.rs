@@ -4,6 +4,17 @@ use kd_sah::BuildOptions;
 
 /// How a commit makes a frame of the parts of a scene. Hits do not depend on it; times and the [layout](crate::layout) of the
 /// frame do.
+///
+/// # Instances that share
+///
+/// Parts that have the same mesh, the same `Arc` of it, may share one tree: [instances](crate::Scene::add_instance), and meshes that
+/// were added several times. Such a part takes less than 1 kB in place of a copy, and its triangles are never transformed before a
+/// ray comes near them: rays traverse the tree in its own space. Hits are those of a copy, to the bit. Where a transform flattens
+/// the mesh or nearly so, the part has a copy.
+///
+/// With [`Auto`](Self::Auto), parts share where copies of the mesh take more than 1 GiB, or longer to make than the rays of a frame
+/// would lose; with [`Instances`](Self::Instances), always; with other strategies, never. The [`CommitReport`](crate::scene::CommitReport)
+/// gives the reason for each part.
 #[derive(Clone, Debug, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -20,7 +31,7 @@ pub enum Strategy {
     /// ones. The fastest to make; slow to trace once triangles that were neighbors have moved apart.
     Refit,
     /// As [`Refit`](Self::Refit), but does not merge: rays traverse each part whose box they meet, one after the other. Known as
-    /// a two-level hierarchy elsewhere.
+    /// a two-level hierarchy elsewhere. Parts of the same mesh [share](Self#instances-that-share) a tree.
     Instances,
     /// Rays traverse the static parts, then the others, which are rebuilt when they change; within each group as with
     /// [`Instances`](Self::Instances).
