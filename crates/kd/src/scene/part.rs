@@ -7,8 +7,9 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::Affine3A;
 use kd_core::Mesh;
+
+use super::placement::Placement;
 
 /// The name of a part of a [`Scene`](crate::Scene). An id is never given to another part of the same scene, not even after the
 /// part was removed. Ids are ordered as their parts were added.
@@ -137,14 +138,14 @@ pub(super) struct PartNodes {
     pub(super) first_slot: u32,
 }
 
-/// A mesh, its transform, and its nodes.
+/// A mesh, its placement, and its nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) id: PartId,
     pub(super) role: Role,
     /// Before the transform.
     pub(super) mesh: Arc<Mesh>,
-    pub(super) transform: Affine3A,
+    pub(super) placement: Placement,
     /// Whether instances were added of it, which change with its mesh.
     pub(super) has_instances: bool,
     /// Whether its mesh or transform has changed since the last commit.
@@ -167,14 +168,14 @@ impl Part {
         id: PartId,
         role: Role,
         mesh: Arc<Mesh>,
-        transform: Affine3A,
+        placement: Placement,
         first_slot: u32,
     ) -> Self {
         Self {
             id,
             role,
             mesh,
-            transform,
+            placement,
             has_instances: false,
             is_changed: true,
             is_removed: false,
@@ -183,12 +184,6 @@ impl Part {
             nodes: None,
             cost: 0.0,
         }
-    }
-
-    /// The factor by which the transform scales areas, on average.
-    pub(super) fn area_scale(&self) -> f64 {
-        let volume = f64::from(self.transform.matrix3.determinant().abs());
-        volume.powf(2.0 / 3.0)
     }
 
     pub(super) fn version(&self) -> PartVersion {
