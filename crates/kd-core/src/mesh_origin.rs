@@ -8,8 +8,8 @@
 //! ```
 //!
 //! makes every difference exact. The search takes the smallest `j ≥ 0` that has such an origin: whole numbers first, then halves, and
-//! so on, to the finest lowest bit of a coordinate. Finer origins would not help. If there is an origin of that kind, the intersection
-//! for the finest bit holds the smallest coordinate, which is a multiple of that bit.
+//! so on, to the finest lowest bit of a coordinate. Finer origins would not help: where one makes every difference exact, all coordinates
+//! are within 2²⁴⁻ᵏ of each other for the finest `k`, and the smallest of them is an origin as well.
 //!
 //! Among the multiples of 2⁻ʲ it takes the one nearest to the middle. Lowest bits below 1 and differences do not change when all
 //! coordinates move by a whole number, so the origin moves with them.
@@ -181,10 +181,13 @@ mod tests {
     #[test]
     fn without_an_exact_origin_it_is_the_middle() {
         let unit = 2.0_f64.powi(-20);
-        let wide = [-4000.0 - unit, 9000.0 + unit];
-        let fine = [1.0, f64::from_bits(1)];
-        for coordinates in [wide, fine] {
-            let middle = coordinates[0].midpoint(coordinates[1]);
+        let wide = vec![-4000.0 - unit, 9000.0 + unit];
+        let fine = vec![f64::from_bits(1), 1.0];
+        // The first two need an origin near ¼, which is too fine for the distance of the last.
+        let unit = 2.0_f64.powi(-30);
+        let mixed = vec![0.25 + unit, 0.2578125 - unit, 2.0_f64.powi(23)];
+        for coordinates in [wide, fine, mixed] {
+            let middle = coordinates[0].midpoint(coordinates[coordinates.len() - 1]);
             assert_eq!(origin(&coordinates), middle, "{coordinates:?}");
         }
     }
