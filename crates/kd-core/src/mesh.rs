@@ -14,6 +14,8 @@ pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
 /// triangles is valid, and no ray hits it. Triangles of zero area are valid and cause no errors. They are kept, so that
 /// triangle numbers remain those of the caller; [`zero_area_count`](Self::zero_area_count) counts them.
 ///
+/// Positions are f32, which are 1 apart at 10⁷. [`from_f64`](Self::from_f64) takes positions in f64, as offsets from an origin.
+///
 /// Memory: 12 bytes per vertex and 12 bytes per triangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {

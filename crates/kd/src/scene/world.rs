@@ -62,7 +62,8 @@ impl Scene {
     /// [`from_translation`](DAffine3::from_translation) of its origin.
     ///
     /// Frames hold positions relative to the scene's [`origin`](Self::origin). They are computed in f64, and each coordinate is rounded
-    /// once, by at most 2⁻²⁴ of itself; with a mere translation, exact results stay exact.
+    /// once, by at most 2⁻²⁴ of itself; with a mere translation, exact results stay exact. The mesh of a part that is not moved, such as
+    /// one from [`Mesh::from_f64_at`](crate::Mesh::from_f64_at) with the scene's origin, is shared instead of copied.
     ///
     /// [`set_transform`](Self::set_transform) and this replace each other. The former maps to coordinates relative to the origin, in
     /// f32. Strategies that [merge kd-trees](crate::MergeMethod::PartitionTrees) build the kd-tree of a part anew whenever it moves in f64.

@@ -6,11 +6,14 @@ mod reference;
 mod scenes;
 
 use city::{City, Grid};
-use kd::glam::DVec3;
+use kd::glam::{DVec3, Vec3};
 use kd::world::{World, WorldMesh, WorldRay};
-use kd::{BuildOptions, Hit, KdTree, Layout, Mesh, Ray};
+use kd::{BuildOptions, Hit, KdTree, Layout, Mesh, Ray, RayPacket8};
 use kd_oracle::effort;
+use kd_oracle::rays::Rays;
 use kd_oracle::rng::Rng;
+use kd_oracle::scenes as meshes;
+use kd_trace::brute_force;
 use reference::Seen;
 
 /// UTM coordinates of a city in the Alps.
@@ -44,6 +47,14 @@ impl Answers {
         for ((ray, closest), occluded) in rays.iter().zip(&closest).zip(&occluded) {
             assert_eq!(world.intersect(ray), *closest, "{ray:?}");
             assert_eq!(world.occluded(ray), *occluded, "{ray:?}");
+        }
+        for (rays, closest) in rays.chunks_exact(8).zip(closest.chunks_exact(8)) {
+            let lanes: Vec<Ray> = rays
+                .iter()
+                .map(|ray| ray.relative_to(world.origin))
+                .collect();
+            let found = world.structure.intersect8(&RayPacket8::new(&lanes));
+            assert_eq!(found, closest, "{rays:?}");
         }
         let hits = rays.iter().map(|ray| {
             let mut hits = Vec::new();
@@ -108,6 +119,53 @@ fn cities_of_f32_trace_at_utm_as_at_zero() {
             let expected = Answers::of_tree(&tree(near.clone(), layout), &near_rays);
             let found = Answers::of_world(&world(far.clone(), layout), &far_rays);
             assert!(found == expected, "{grid:?}, {layout:?}: answers differ");
+            assert!(found.share_of_hits() > 0.5, "{}", found.share_of_hits());
+        }
+    }
+}
+
+/// Rays along axes, edges and planes, at corners, and with ranges that end at a hit: no decision depends on where the world is.
+#[test]
+fn hard_rays_do_not_notice_where_the_world_is() {
+    for near in [meshes::room(), meshes::cube(4)] {
+        let positions = near.positions().iter();
+        let positions: Vec<[f64; 3]> = positions
+            .map(|position| (Vec3::from(*position).as_dvec3() + UTM).to_array())
+            .collect();
+        let far = Mesh::from_f64(&positions, near.triangles().to_vec()).expect("valid");
+        assert_eq!(far.rounding, DVec3::ZERO, "exact");
+        let mut rng = Rng(14);
+        let mut rays = Rays::new(&near, vec![(0, 4.0), (1, 0.5), (2, 1.0)], 15);
+        let mut draw = || {
+            let mut ray = rays.draw();
+            ray.origin = (ray.origin * 256.0).round() / 256.0;
+            if rng.chance(0.4) {
+                let corner = Vec3::from(rng.pick(near.positions()));
+                let other = Vec3::from(rng.pick(near.positions()));
+                ray.direction = rng.pick(&[corner, corner.midpoint(other)]) - ray.origin;
+            }
+            ray
+        };
+        let moved = |ray: Ray| {
+            let far = WorldRay::new(UTM + ray.origin.as_dvec3(), ray.direction);
+            (ray, far.with_range(ray.t_min, ray.t_max))
+        };
+        let draws = effort::count(4000, 40_000);
+        let (near_rays, far_rays): (Vec<Ray>, Vec<WorldRay>) = (0..draws)
+            .map(|_| moved(draw()))
+            .filter(|(_, ray)| ray.rounding_from(far.origin) == DVec3::ZERO)
+            .unzip();
+        assert!(near_rays.len() > draws / 4 * 3, "most starts are exact");
+        for layout in LAYOUTS {
+            let tree = tree(near.clone(), layout);
+            let expected = Answers::of_tree(&tree, &near_rays);
+            for (ray, hits) in near_rays.iter().zip(&expected.hits).take(500) {
+                let mut slow = Vec::new();
+                brute_force::hits(&near, ray, usize::MAX, &mut slow);
+                assert_eq!(*hits, slow, "{ray:?}");
+            }
+            let found = Answers::of_world(&world(far.clone(), layout), &far_rays);
+            assert!(found == expected, "{layout:?}: answers differ");
             assert!(found.share_of_hits() > 0.5, "{}", found.share_of_hits());
         }
     }

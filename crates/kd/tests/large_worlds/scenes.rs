@@ -18,6 +18,7 @@ fn strategies() -> Vec<Strategy> {
         Strategy::Merge(MergeMethod::BspMerge),
         Strategy::Merge(MergeMethod::Insertion),
         Strategy::Refit,
+        Strategy::Instances,
         Strategy::Dual,
         Strategy::Rebuild(BuildOptions::fast()),
     ]
