@@ -1,6 +1,6 @@
 //! Triangle meshes, checked on construction.
 
-use glam::{Affine3A, Vec3, Vec3A};
+use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 use thiserror::Error;
 
 use crate::{Aabb, is_zero_area, transformed_point};
@@ -13,6 +13,8 @@ pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
 /// A mesh is checked on construction and immutable, so that all later code relies on these properties. A mesh without
 /// triangles is valid, and no ray hits it. Triangles of zero area are valid and cause no errors. They are kept, so that
 /// triangle numbers remain those of the caller; [`zero_area_count`](Self::zero_area_count) counts them.
+///
+/// Positions are f32, which are 1 apart at 10⁷. [`from_f64`](Self::from_f64) takes positions in f64, as offsets from an origin.
 ///
 /// Memory: 12 bytes per vertex and 12 bytes per triangle.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +31,15 @@ pub enum MeshError {
     /// A coordinate is NaN or infinite.
     #[error("vertex {vertex} is not finite")]
     NotFinite {
+        /// The number of the vertex, from 0.
+        vertex: usize,
+    },
+    /// The origin of a mesh given in f64 is not finite.
+    #[error("the mesh's origin is not finite")]
+    Origin,
+    /// A position given in f64 is beyond the range of f32 from the origin of its mesh.
+    #[error("vertex {vertex} is out of the range of f32, seen from the mesh's origin")]
+    TooFar {
         /// The number of the vertex, from 0.
         vertex: usize,
     },
@@ -168,6 +179,22 @@ impl Mesh {
         self.with_positions(moved.collect())
     }
 
+    /// [`transformed`](Self::transformed) by a transform in f64: each coordinate is computed in f64 and rounded once, by at most 2⁻²⁴
+    /// of itself. Linear.
+    ///
+    /// Where the matrix is the identity, the sum of position and translation is correct up to 2⁻⁵³ before it is rounded.
+    ///
+    /// # Errors
+    ///
+    /// As [`transformed`](Self::transformed).
+    pub fn transformed_f64(&self, by: &DAffine3) -> Result<Self, MeshError> {
+        let moved = |position: &[f32; 3]| {
+            let position = Vec3::from(*position).as_dvec3();
+            by.transform_point3(position).as_vec3().to_array()
+        };
+        self.with_positions(self.positions.iter().map(moved).collect())
+    }
+
     /// The vertices.
     #[inline]
     pub fn positions(&self) -> &[[f32; 3]] {
@@ -257,6 +284,8 @@ fn check_finite(positions: &[[f32; 3]]) -> Result<(), MeshError> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     const SQUARE: [[f32; 3]; 4] = [
@@ -328,6 +357,24 @@ mod tests {
             (1.0, mesh.triangles()),
             "translated, with the same triangles"
         );
+    }
+
+    #[test]
+    fn transforms_in_f64_round_once() {
+        let mesh = Mesh::new(SQUARE.to_vec(), vec![[0, 1, 2]]).expect("valid");
+        // A turn by 90 degrees around a far point, which f32 would round to halves.
+        let far = DVec3::new(5e5 + 0.25, 5.2e6 + 0.125, 0.0);
+        let turn = DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_2);
+        let there = DAffine3::from_translation(far);
+        let moved = mesh.transformed_f64(&(there.inverse() * turn * there));
+        let moved = moved.expect("finite");
+        let exact = DVec3::new(-far.y - far.x, far.x - far.y, 0.0);
+        let corner = Vec3::from(moved.positions()[0]).as_dvec3();
+        let error = (corner - exact).abs().max_element();
+        assert!(error <= 0.25, "half a unit in the last place: {error}");
+        let up = DAffine3::from_translation(DVec3::Z * 1e39);
+        let refused = mesh.transformed_f64(&up).expect_err("overflows");
+        assert_eq!(refused, MeshError::NotFinite { vertex: 0 });
     }
 
     #[test]

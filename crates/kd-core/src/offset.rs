@@ -61,8 +61,19 @@ impl Mesh {
     ///
     /// If the mesh lacks the triangle.
     pub fn surface_point(&self, hit: &Hit) -> Vec3 {
+        self.surface_point_f64(hit).as_vec3()
+    }
+
+    /// [`surface_point`](Self::surface_point) before it is rounded to f32, to add the origin of a [`WorldMesh`](crate::WorldMesh): in
+    /// the plane of the corners up to 2⁻⁵¹ of the coordinates. Along the plane it errs by up to 2⁻²⁴ of the triangle's extent, since a
+    /// hit has f32 weights.
+    ///
+    /// # Panics
+    ///
+    /// If the mesh lacks the triangle.
+    pub fn surface_point_f64(&self, hit: &Hit) -> DVec3 {
         let corners = self.corners(hit.triangle).map(|corner| corner.as_dvec3());
-        point_at(corners, hit).as_vec3()
+        point_at(corners, hit)
     }
 
     /// The origin of a ray that leaves the surface at a hit, on the side of its triangle that `side` points to.

@@ -50,7 +50,7 @@ pub fn points(radius: f32) -> Vec<Vec3> {
 }
 
 /// Closed meshes with points inside: a sphere, cubes of many triangles in each plane, a bumpy surface, and spheres of several sizes
-/// and offsets.
+/// and offsets, up to 10⁷.
 pub fn closed_meshes() -> Vec<(String, Mesh, Vec<Vec3>)> {
     let mut in_cube = points(0.99);
     // On lattice lines, so that rays pass exactly through corners and along planes of edges.
@@ -70,6 +70,13 @@ pub fn closed_meshes() -> Vec<(String, Mesh, Vec<Vec3>)> {
         "far off".to_owned(),
         scenes::moved(&scenes::sphere(1), far_off),
         points(0.7).into_iter().map(far_off).collect(),
+    ));
+    // Vertices are whole numbers there.
+    let farther_off = |p: Vec3| 200.0 * p + Vec3::new(1e7, -1e7, 1e7);
+    meshes.push((
+        "farther off".to_owned(),
+        scenes::moved(&scenes::sphere(2), farther_off),
+        points(0.9).into_iter().map(farther_off).collect(),
     ));
     for scale in [1e-3, 1.0, 1e4] {
         for offset in [0.0, 30.0, -1000.0] {

@@ -88,6 +88,11 @@
 //! others are updated, and the [`CommitReport`](scene::CommitReport) lists what was done. A
 //! [`snapshot`](Scene::snapshot) can be traced while the next frame is made.
 //!
+//! # Large worlds
+//!
+//! Coordinates are f32. [`Mesh::from_f64`] takes positions in f64, such as UTM coordinates, as offsets from an origin near them, and
+//! says by how much they were rounded. [`world`] has rays and scenes with f64 origins, and states what is exact.
+//!
 //! # Inspecting a tree
 //!
 //! [`KdTree::stats`] counts nodes, leaves and references; its text form is what benchmarks and snapshots print. The
@@ -128,6 +133,7 @@ pub mod layout;
 mod lazy_tree;
 mod queries;
 pub mod scene;
+pub mod world;
 
 pub use accel::{Accel, RayBudget};
 pub use glam;
@@ -264,3 +270,8 @@ pub mod custom {
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct Readme;
+
+/// The example of the page on large worlds, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/large-worlds.md")]
+struct LargeWorlds;

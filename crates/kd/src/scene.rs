@@ -9,16 +9,18 @@ mod merged;
 mod moving;
 mod part;
 mod parts;
+mod placement;
 mod plan;
 mod report;
 mod shared;
 mod sharing;
 mod sight;
 mod strategy;
+mod world;
 
 use std::sync::Arc;
 
-use glam::Affine3A;
+use glam::{Affine3A, DVec3};
 use kd_core::{MAX_TRIANGLES, Mesh};
 use kd_sah::BuildOptions;
 use kd_trace::Joined;
@@ -32,6 +34,7 @@ pub use strategy::{MergeMethod, Strategy};
 use moving::MovingTree;
 use part::{Part, Role, SceneNumber};
 use parts::Parts;
+use placement::Placement;
 
 /// Static and moving meshes, the *parts* of the scene. A [`commit`](Self::commit) makes a [`Frame`] of them, to trace.
 ///
@@ -83,6 +86,8 @@ use parts::Parts;
 #[derive(Debug)]
 pub struct Scene {
     options: BuildOptions,
+    /// The point of the world at which the coordinates of its frames have their zero.
+    origin: DVec3,
     strategy: Strategy,
     ray_budget: u64,
     parts: Parts,
@@ -116,6 +121,7 @@ impl Scene {
     pub fn new(options: BuildOptions) -> Self {
         Self {
             options,
+            origin: DVec3::ZERO,
             strategy: Strategy::Auto,
             ray_budget: Self::DEFAULT_RAY_BUDGET,
             parts: Parts::default(),
@@ -145,7 +151,7 @@ impl Scene {
     /// [`SceneError::TooManyTriangles`] if all parts together have more than [`MAX_TRIANGLES`];
     /// [`SceneError::TooManyParts`] after 2³² calls.
     pub fn add_static(&mut self, mesh: impl Into<Arc<Mesh>>) -> Result<PartId, SceneError> {
-        self.add(Role::Static, mesh.into(), Affine3A::IDENTITY)
+        self.add(Role::Static, mesh.into(), Placement::IDENTITY)
     }
 
     /// Adds a mesh that changes or moves, from the next commit on.
@@ -154,7 +160,7 @@ impl Scene {
     ///
     /// As [`add_static`](Self::add_static).
     pub fn add_dynamic(&mut self, mesh: impl Into<Arc<Mesh>>) -> Result<PartId, SceneError> {
-        self.add(Role::Dynamic, mesh.into(), Affine3A::IDENTITY)
+        self.add(Role::Dynamic, mesh.into(), Placement::IDENTITY)
     }
 
     /// Adds the mesh of a part again, with a transform. The instance is a part of its own, and may move. It follows
@@ -170,17 +176,24 @@ impl Scene {
         of: PartId,
         transform: impl Into<Affine3A>,
     ) -> Result<PartId, SceneError> {
+        self.add_placed_instance(of, Placement::Single(transform.into()))
+    }
+
+    fn add_placed_instance(
+        &mut self,
+        of: PartId,
+        placement: Placement,
+    ) -> Result<PartId, SceneError> {
         let part = self.part(of)?;
         let original = match part.role {
             Role::Instance(original) => original,
             Role::Static | Role::Dynamic => of,
         };
         let mesh = Arc::clone(&part.mesh);
-        let transform = transform.into();
-        if !transform.is_finite() {
+        if !placement.is_finite() {
             return Err(SceneError::NotFinite { part: of });
         }
-        let instance = self.add(Role::Instance(original), mesh, transform)?;
+        let instance = self.add(Role::Instance(original), mesh, placement)?;
         if let Ok(original) = self.place(original) {
             self.parts.at_mut(original).has_instances = true;
         }
@@ -228,12 +241,15 @@ impl Scene {
         part: PartId,
         transform: impl Into<Affine3A>,
     ) -> Result<(), SceneError> {
-        let transform = transform.into();
+        self.set_placement(part, Placement::Single(transform.into()))
+    }
+
+    fn set_placement(&mut self, part: PartId, placement: Placement) -> Result<(), SceneError> {
         let place = self.place(part)?;
-        if !transform.is_finite() {
+        if !placement.is_finite() {
             return Err(SceneError::NotFinite { part });
         }
-        self.parts.change(place).transform = transform;
+        self.parts.change(place).placement = placement;
         Ok(())
     }
 
@@ -320,7 +336,7 @@ impl Scene {
         &mut self,
         role: Role,
         mesh: Arc<Mesh>,
-        transform: Affine3A,
+        placement: Placement,
     ) -> Result<PartId, SceneError> {
         let triangles = self.triangles() + mesh.len();
         if triangles > MAX_TRIANGLES {
@@ -333,7 +349,7 @@ impl Scene {
             .ok_or(SceneError::TooManyParts)?;
         let first_slot = self.take_slots(mesh.len());
         self.parts
-            .push(Part::new(id, role, mesh, transform, first_slot));
+            .push(Part::new(id, role, mesh, placement, first_slot));
         Ok(id)
     }
 

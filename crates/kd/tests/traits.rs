@@ -5,6 +5,7 @@ use std::hash::Hash;
 
 use kd::scene::{CommitAction, CommitError, CommitReport, SceneError};
 use kd::tree::{Axis, Node, NodeIndex, Tree};
+use kd::world::{World, WorldMesh, WorldRay};
 use kd::{
     Aabb, Accel, BuildError, BuildOptions, CostModel, Frame, FrameData, Hit, KdTree, Layout,
     LazyTree, MergeMethod, Mesh, Method, PartId, Ray, RayBudget, RayPacket8, Scene, Strategy,
@@ -25,6 +26,8 @@ fn structures_are_shared_between_threads() {
     shared::<Scene>();
     shared::<Frame<'_>>();
     shared::<FrameData>();
+    shared::<World<KdTree>>();
+    shared::<World<Frame<'_>>>();
     shared::<Tree>();
 }
 
@@ -32,6 +35,8 @@ fn structures_are_shared_between_threads() {
 fn data_are_values() {
     value::<Mesh>();
     value::<Ray>();
+    value::<WorldMesh>();
+    value::<WorldRay>();
     value::<RayPacket8>();
     value::<Hit>();
     value::<Aabb>();

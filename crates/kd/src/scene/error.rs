@@ -33,6 +33,9 @@ pub enum SceneError {
         /// The part that keeps its transform.
         part: PartId,
     },
+    /// A coordinate of the scene's origin is NaN or infinite.
+    #[error("the scene's origin is not finite")]
+    Origin,
     /// More than [`MAX_TRIANGLES`] in all parts together.
     #[error("{triangles} triangles in all parts are too many, at most {MAX_TRIANGLES} fit")]
     TooManyTriangles {

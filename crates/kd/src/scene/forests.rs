@@ -140,7 +140,7 @@ impl Scene {
                 Nodes::New(_) => {
                     let nodes = part.nodes.expect("just pushed");
                     let cost = forests[nodes.forest].cost(nodes.member);
-                    let scale = part.area_scale();
+                    let scale = part.placement.area_scale();
                     if scale > 0.0 { cost / scale } else { cost }
                 }
             };
@@ -179,7 +179,7 @@ impl Scene {
             let part = self.parts.at(plan.place);
             let nodes = part.nodes.expect("it is in the frame");
             let now = forests[nodes.forest].cost(nodes.member);
-            let more = (now - part.cost * part.area_scale()).max(0.0);
+            let more = (now - part.cost * part.placement.area_scale()).max(0.0);
             let visits = if area > 0.0 { more / area } else { 0.0 };
             #[allow(clippy::cast_precision_loss, reason = "an estimate")]
             let ray_loss_ns = self.ray_budget as f64 * visits * NODE_NS;

@@ -8,6 +8,7 @@ use kd_merge::MergeError;
 use kd_sah::{BuildOptions, build};
 
 use super::part::{Part, PartVersion};
+use super::placement::Placement;
 
 /// The kd-tree of a part, with a tree at rest that later frames can move.
 #[derive(Clone, Debug)]
@@ -15,7 +16,8 @@ pub(super) struct MovingTree {
     pub(super) version: PartVersion,
     pub(super) tree: Arc<Tree>,
     mesh: Arc<Mesh>,
-    course: Course,
+    /// `None` for a part that is placed in f64, whose trees are always built.
+    course: Option<Course>,
     /// The tree before `course.motion`, where the part was found to move on its course.
     at_rest: Option<Arc<Tree>>,
 }
@@ -62,19 +64,23 @@ impl MovingTree {
         before: Option<&Self>,
         options: &BuildOptions,
     ) -> Result<(Self, bool), MergeError> {
-        let course = Course::of(&part.transform);
-        let is_on_course = |before: &&Self| {
-            Arc::ptr_eq(&before.mesh, &part.mesh) && before.course.to_rest == course.to_rest
+        let course = match &part.placement {
+            Placement::Single(transform) => Some(Course::of(transform)),
+            Placement::Double(_) => None,
         };
-        let before = before.filter(is_on_course);
+        let to_rest = course.map(|course| course.to_rest);
+        let before = before.filter(|before| {
+            let before_to_rest = before.course.map(|course| course.to_rest);
+            Arc::ptr_eq(&before.mesh, &part.mesh) && before_to_rest == to_rest
+        });
         let known = before.and_then(|before| before.at_rest.clone());
         let is_moved = known.is_some();
-        let at_rest = match (known, before) {
-            (Some(known), _) => Some(known),
-            (None, None) => None,
-            (None, Some(_)) => {
+        let at_rest = match (known, before, to_rest) {
+            (Some(known), _, _) => Some(known),
+            (None, None, _) | (None, _, None) => None,
+            (None, Some(_), Some(to_rest)) => {
                 // Positions that are finite after the motion are finite before it.
-                let mesh = part.mesh.transformed(&course.to_rest);
+                let mesh = part.mesh.transformed(&to_rest);
                 let mesh = mesh.ok();
                 let tree = mesh
                     .map(|mesh| build(&BoundsOnly(&mesh), options))
@@ -82,9 +88,9 @@ impl MovingTree {
                 tree.map(Arc::new)
             }
         };
-        let tree = match &at_rest {
-            Some(at_rest) => at_rest.moved(&course.motion)?,
-            None => build(placed, options)?,
+        let tree = match (&at_rest, course) {
+            (Some(at_rest), Some(course)) => at_rest.moved(&course.motion)?,
+            _ => build(placed, options)?,
         };
         let tree = Self {
             version,

@@ -7,9 +7,9 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::Affine3A;
 use kd_core::Mesh;
 
+use super::placement::Placement;
 use super::shared::SharedPart;
 use super::sight::Sight;
 
@@ -140,14 +140,14 @@ pub(super) struct PartNodes {
     pub(super) first_slot: u32,
 }
 
-/// A mesh, its transform, and its nodes.
+/// A mesh, its placement, and its nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) id: PartId,
     pub(super) role: Role,
     /// Before the transform.
     pub(super) mesh: Arc<Mesh>,
-    pub(super) transform: Affine3A,
+    pub(super) placement: Placement,
     /// A ray sees the part if its mask has one of these bits.
     pub(super) mask: u32,
     /// Whether instances were added of it, which change with its mesh.
@@ -174,14 +174,14 @@ impl Part {
         id: PartId,
         role: Role,
         mesh: Arc<Mesh>,
-        transform: Affine3A,
+        placement: Placement,
         first_slot: u32,
     ) -> Self {
         Self {
             id,
             role,
             mesh,
-            transform,
+            placement,
             mask: u32::MAX,
             has_instances: false,
             is_changed: true,
@@ -194,14 +194,12 @@ impl Part {
         }
     }
 
-    /// The factor by which the transform scales areas, on average.
-    pub(super) fn area_scale(&self) -> f64 {
-        let volume = f64::from(self.transform.matrix3.determinant().abs());
-        volume.powf(2.0 / 3.0)
-    }
-
     pub(super) fn sight(&self) -> Sight {
-        Sight::new(self.mask, &self.transform, self.shared.is_some())
+        Sight {
+            mask: self.mask,
+            is_mirrored: self.placement.is_mirrored(),
+            is_shared: self.shared.is_some(),
+        }
     }
 
     pub(super) fn version(&self) -> PartVersion {

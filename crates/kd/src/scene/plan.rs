@@ -290,10 +290,10 @@ impl Scene {
                 mesh.expect("a part that has not changed is in the last frame"),
             ));
         }
-        if part.transform == glam::Affine3A::IDENTITY {
+        if part.placement.is_identity() {
             return Ok(Arc::clone(&part.mesh));
         }
-        let mesh = part.mesh.transformed(&part.transform);
+        let mesh = part.placement.place(&part.mesh);
         mesh.map(Arc::new).map_err(|error| CommitError::Mesh {
             part: part.id,
             error,

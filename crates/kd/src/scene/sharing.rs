@@ -6,6 +6,7 @@ use std::sync::Arc;
 use kd_core::{Aabb, Mesh};
 
 use super::part::{Part, Role};
+use super::placement::Placement;
 use super::report::CommitReason;
 use super::shared::{SharedPart, SharedTree};
 use super::{CommitError, Scene, Strategy};
@@ -168,12 +169,15 @@ impl Sharing {
     /// A part that shares a tree, and why; `None` for one that does not, or that cannot.
     pub(super) fn place(&self, part: &Part) -> Option<(Arc<SharedPart>, CommitReason)> {
         let (tree, reason) = self.0.get(&MeshKey::of(&part.mesh))?;
-        let placed = SharedPart::new(Arc::clone(tree), part.transform, part.first_slot)?;
+        let Placement::Single(transform) = part.placement else {
+            return None;
+        };
+        let placed = SharedPart::new(Arc::clone(tree), transform, part.first_slot)?;
         Some((Arc::new(placed), reason.clone()))
     }
 }
 
-/// The box of a part after its transform, about.
+/// The box of a part in the scene, about.
 fn placed_box(part: &Part) -> Aabb {
     let bounds = part.mesh.bounds();
     let (min, max) = (bounds.min, bounds.max);
@@ -185,8 +189,7 @@ fn placed_box(part: &Part) -> Aabb {
                 max[axis]
             }
         };
-        part.transform
-            .transform_point3([at(0), at(1), at(2)].into())
+        part.placement.place_point([at(0), at(1), at(2)].into())
     });
     corners.fold(Aabb::EMPTY, |around, corner| {
         around.union(&Aabb {

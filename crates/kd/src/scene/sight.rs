@@ -2,10 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use glam::{Affine3A, Mat3A};
 use kd_core::{Culling, Hit, Ray};
 use kd_trace::kit::{Collect, TriangleTest};
-use robust::{Coord3D, orient3d};
 
 use super::frame_parts::FrameParts;
 
@@ -18,30 +16,6 @@ pub(super) struct Sight {
     pub(super) is_mirrored: bool,
     /// Whether it shares a tree with other parts.
     pub(super) is_shared: bool,
-}
-
-impl Sight {
-    pub(super) fn new(mask: u32, transform: &Affine3A, is_shared: bool) -> Self {
-        Self {
-            mask,
-            is_mirrored: mirrors(&transform.matrix3),
-            is_shared,
-        }
-    }
-}
-
-/// Whether the determinant is negative, exactly.
-fn mirrors(matrix: &Mat3A) -> bool {
-    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| {
-        let [x, y, z] = axis.as_dvec3().to_array();
-        Coord3D { x, y, z }
-    });
-    let origin = Coord3D {
-        x: 0.0,
-        y: 0.0,
-        z: 0.0,
-    };
-    orient3d(x, y, z, origin) < 0.0
 }
 
 /// What all parts of a group have in common, for a quick answer to most rays.
@@ -159,40 +133,7 @@ impl<C: Collect> Collect for Sieve<'_, C> {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
-
-    #[test]
-    fn the_sign_of_a_determinant_is_exact() {
-        let scale = |x: f32, y: f32, z: f32| Affine3A::from_scale(Vec3::new(x, y, z));
-        let turned = Affine3A::from_rotation_y(1.0) * scale(1.0, -1e-20, 1e-20);
-        let tiny = f32::from_bits(1);
-        for (transform, expected) in [
-            (Affine3A::IDENTITY, false),
-            (scale(-1.0, 1.0, 1.0), true),
-            (scale(-1.0, -1.0, 1.0), false),
-            (scale(-1.0, -1.0, -1e-30), true),
-            (scale(-1.0, 1.0, 0.0), false),
-            (turned, true),
-            (scale(tiny, tiny, -tiny), true),
-        ] {
-            assert_eq!(
-                Sight::new(0, &transform, false).is_mirrored,
-                expected,
-                "{transform}"
-            );
-        }
-        // Rows that differ in the last bit.
-        let a = Vec3::new(1.0, 2.0, 3.0);
-        let b = Vec3::new(1.0, 2.0, 3.0_f32.next_up());
-        let nearly = Affine3A::from_mat3(glam::Mat3::from_cols(a, b, Vec3::X));
-        let mirrored = Affine3A::from_mat3(glam::Mat3::from_cols(b, a, Vec3::X));
-        assert_ne!(
-            Sight::new(0, &nearly, false),
-            Sight::new(0, &mirrored, false)
-        );
-    }
 
     #[test]
     fn rays_that_see_all_parts_are_known() {

@@ -10,7 +10,7 @@ use kd_sah::BuildOptions;
 /// Parts that have the same mesh, the same `Arc` of it, may share one tree: [instances](crate::Scene::add_instance), and meshes that
 /// were added several times. Such a part takes less than 1 kB in place of a copy, and its triangles are never transformed before a
 /// ray comes near them: rays traverse the tree in its own space. Hits are those of a copy, to the bit. Where a transform flattens
-/// the mesh or nearly so, the part has a copy.
+/// the mesh or nearly so, or is in [f64](crate::Scene::set_world_transform), the part has a copy.
 ///
 /// With [`Auto`](Self::Auto), parts share where copies of the mesh take more than 1 GiB, or longer to make than the rays of a frame
 /// would lose; with [`Instances`](Self::Instances), always; with other strategies, never. The [`CommitReport`](crate::scene::CommitReport)
