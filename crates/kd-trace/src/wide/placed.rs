@@ -161,32 +161,36 @@ fn corners_of(frame: &Frame) -> [DVec3; 2] {
         .map(|[x, y, z, _]| Vec3::new(x, y, z).as_dvec3())
 }
 
-/// A box around the transformed boxes of the children of the root, and `rounding`.
+/// A box around the transformed boxes of the children of the root, and `rounding`; around the transformed box of the tree where that is
+/// larger than all of them, as with triangles of zero area.
 fn placed_bounds(tree: &WideTree, matrix: &DMat3, translation: DVec3, rounding: DVec3) -> Aabb {
-    let root = tree.root();
-    let of_children = (!root.is_leaf()).then(|| {
-        let node = &tree.nodes()[root.index()];
-        node.lanes().map(|lane| node.bounds(lane))
-    });
     let [lower, upper] = corners_of(tree.frame());
     let whole = Aabb {
         min: lower.as_vec3(),
         max: upper.as_vec3(),
     };
-    let is_empty = tree.blocks().is_empty();
-    let of_all = (of_children.is_none() && !is_empty).then_some(whole);
-    let boxes = of_children.into_iter().flatten().chain(of_all);
-    let boxes = boxes.filter(|bounds| !bounds.is_empty()).map(|bounds| {
+    let root = tree.root();
+    let mut boxes = Vec::new();
+    if !root.is_leaf() {
+        let node = &tree.nodes()[root.index()];
+        boxes.extend(node.lanes().map(|lane| node.bounds(lane)));
+        boxes.retain(|bounds| !bounds.is_empty());
+    }
+    let around = |boxes: &[Aabb]| boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(one));
+    if around(&boxes) != whole && !whole.is_empty() {
+        boxes = vec![whole];
+    }
+    for bounds in &mut boxes {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let center = *matrix * (0.5 * (min + max)) + translation;
         let half = sizes(matrix) * (0.5 * (max - min)) + 2.0 * rounding;
         // The rounding of corners is far more than that of computing them in f64, and of rounding them here.
-        Aabb {
+        *bounds = Aabb {
             min: (center - half).as_vec3(),
             max: (center + half).as_vec3(),
-        }
-    });
-    boxes.fold(Aabb::EMPTY, |around, bounds| around.union(&bounds))
+        };
+    }
+    around(&boxes)
 }
 
 /// What a ray does in a placed tree.
