@@ -11,6 +11,7 @@ use crate::first_ray::FirstRayArgs;
 use crate::instructions::InstructionsArgs;
 use crate::merges::MergesArgs;
 use crate::paper::PaperArgs;
+use crate::queries::QueriesArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::results::ResultsArgs;
 use crate::scene_table::SceneTableArgs;
@@ -42,6 +43,10 @@ pub(crate) enum Command {
     ///
     /// With --scenes and no --scene: every mesh of the folder.
     Rays(RaysArgs),
+    /// Print what each query of rays costs in every structure, over the closest hit and over Embree
+    ///
+    /// With --scenes and no --scene: a scan, a room and a game level.
+    Queries(QueriesArgs),
     /// Print what merges of trees cost and are worth, over rebuilds, with goals
     Merges(MergesArgs),
     /// Print what grids, hierarchies and the papers' other structures cost and are worth, over rivals and our default tree, with

@@ -32,6 +32,7 @@ mod paper;
 mod peers;
 mod picture;
 mod plots;
+mod queries;
 mod ray_speeds;
 mod rays;
 mod record;
@@ -66,6 +67,7 @@ fn main() -> ExitCode {
         Command::Files(arguments) => files::run(&arguments),
         Command::FirstRay(arguments) => first_ray::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
+        Command::Queries(arguments) => queries::run(&arguments),
         Command::Merges(arguments) => merges::run(&arguments),
         Command::Structures(arguments) => structures::run(&arguments),
         Command::Paper(arguments) => paper::run(&arguments),

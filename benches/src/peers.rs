@@ -73,6 +73,12 @@ pub(crate) const FOLLOWING: [(&str, Following); 3] = [
     ("refit", Following::Refit),
 ];
 
+/// Embree's medium BVH.
+pub(crate) fn medium(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dyn Queries>> {
+    let rival = Rival::Embree(EmbreeBuild::Medium, Purpose::Usual);
+    Ok(rival.build(mesh, options(threads))?.structure)
+}
+
 /// Embree's medium BVH, with a filter that keeps the nearest hits of a ray.
 pub(crate) fn filtered(mesh: &Mesh, threads: usize) -> anyhow::Result<Box<dyn Queries>> {
     let rival = Rival::Embree(EmbreeBuild::Medium, Purpose::FirstHits);

@@ -56,6 +56,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("rays", arguments),
     },
     Command {
+        name: "queries",
+        arguments: "[OPTIONS]",
+        help: "measure every query of rays in every structure, over the closest hit and Embree (`queries --help`)",
+        run: |arguments| bench::with_rivals("queries", arguments),
+    },
+    Command {
         name: "merges",
         arguments: "[OPTIONS]",
         help: "measure merges of trees and rays through the result, over rebuilding (`merges --help` lists the options)",

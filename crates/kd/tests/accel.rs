@@ -5,8 +5,9 @@ use std::sync::Arc;
 use kd::select::{Calibration, DecisionReason, Structure, Times};
 use kd::{Accel, Mesh, Ray, RayBudget};
 use kd_oracle::rays::Rays;
-use kd_oracle::{check, scenes};
+use kd_oracle::{check, check_batch, scenes};
 use kd_scene::Spd;
+use kd_trace::brute_force;
 
 #[track_caller]
 fn check_answers(name: &str, accel: &Accel, rays: usize) {
@@ -22,6 +23,13 @@ fn check_answers(name: &str, accel: &Accel, rays: usize) {
         assert_eq!(hit, accel.intersect(ray), "{name}, in a batch: {ray:?}");
         assert_eq!(occluded, hit.is_some(), "{name}, in a batch: {ray:?}");
     }
+    let few = &rays[..rays.len().min(200)];
+    let expected = few.iter().map(|ray| {
+        let mut hits = Vec::new();
+        brute_force::hits(&mesh, ray, usize::MAX, &mut hits);
+        hits
+    });
+    check_batch(name, accel, few, &expected.collect::<Vec<_>>());
 }
 
 #[test]

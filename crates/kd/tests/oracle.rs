@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::thread;
 
 use kd::layout::WideTree;
-use kd::{BuildOptions, CostModel, Hit, KdTree, Layout, Mesh, Method, Ray};
-use kd_oracle::effort;
+use kd::{BuildOptions, CostModel, Culling, Hit, KdTree, Layout, Mesh, Method, Ray};
+use kd_oracle::{check_batch, check_ray, effort};
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
@@ -189,23 +189,22 @@ fn slow_builders_give_the_tree_that_met_brute_force() {
     );
 }
 
-/// Checking all hits takes longer, so fewer rays are traced.
+/// Every query, filters and batches on all threads included, of rays that see both sides or one. It needs all hits, which take
+/// longer, so fewer rays are traced.
 #[test]
-fn ordered_hits_on_every_scene_equal_brute_force() {
-    let mut found = Vec::new();
+fn queries_of_all_hits_on_every_scene_equal_brute_force() {
+    let sides = [Culling::NONE, Culling::BACK, Culling::NONE, Culling::FRONT];
     for (scene, size, count) in SCENES {
         let mesh = mesh_of(scene, size);
         let rays = rays_for(&mesh, effort::count(count / 160, count / 20), 2);
-        let most = |i: usize| [1, 2, 4, usize::MAX][i % 4];
-        let expected: Vec<Vec<Hit>> = rays
-            .iter()
-            .enumerate()
-            .map(|(i, ray)| {
-                let mut hits = Vec::new();
-                brute_force::hits(&mesh, ray, most(i), &mut hits);
-                hits
-            })
-            .collect();
+        let rays = rays.iter().zip(sides.into_iter().cycle());
+        let rays: Vec<Ray> = rays.map(|(ray, side)| ray.with_culling(side)).collect();
+        let all_hits = |ray: &Ray| {
+            let mut hits = Vec::new();
+            brute_force::hits(&mesh, ray, usize::MAX, &mut hits);
+            hits
+        };
+        let expected: Vec<Vec<Hit>> = rays.iter().map(all_hits).collect();
         let several = expected.iter().filter(|hits| hits.len() > 1).count();
         assert!(
             20 * several > rays.len(),
@@ -213,16 +212,11 @@ fn ordered_hits_on_every_scene_equal_brute_force() {
             scene.name()
         );
         for (builder, tree) in trees_over(&mesh) {
-            for (i, (ray, expected)) in rays.iter().zip(&expected).enumerate() {
-                let max = most(i);
-                tree.hits(ray, max, &mut found);
-                assert_eq!(
-                    &found,
-                    expected,
-                    "{} {size} by {builder}, first {max} hits of {ray:?}",
-                    scene.name()
-                );
+            let name = format!("{} {size} by {builder}", scene.name());
+            for (ray, expected) in rays.iter().zip(&expected) {
+                check_ray(&name, &tree, ray, expected);
             }
+            check_batch(&name, &tree, &rays, &expected);
         }
     }
 }
