@@ -139,6 +139,7 @@ impl MtlMaterial {
             transmittance: (1.0 - self.opacity.unwrap_or(1.0)).clamp(0.0, 1.0),
             refraction: self.refraction.unwrap_or(1.0),
             emission: self.emission.unwrap_or(Vec3::ZERO),
+            ..Material::default()
         }
     }
 }
