@@ -33,8 +33,8 @@ impl AlphaMode {
         match self {
             Self::Opaque => 1.0,
             Self::Mask { cutoff } if alpha >= cutoff => 1.0,
-            Self::Mask { .. } => 0.0,
-            Self::Blend => alpha.max(0.0).min(1.0),
+            Self::Blend if alpha > 0.0 => alpha.min(1.0),
+            Self::Mask { .. } | Self::Blend => 0.0,
         }
     }
 }
