@@ -34,11 +34,9 @@ impl<'a> Spot<'a> {
     /// Color of the texture and of the vertices; 1 without any.
     #[inline]
     pub(crate) fn color(&self, stage: &Stage, with_textures: bool) -> Vec3 {
-        let texture = if with_textures {
-            self.texture(stage)
-        } else {
-            None
-        };
+        let number = self.surface.textures.get(self.triangle);
+        let number = number.copied().filter(|_| with_textures);
+        let texture = number.and_then(|number| self.texture(stage, number));
         let of_texture = texture.map_or(Vec3::ONE, |(texture, uv)| texture.at(uv));
         let colors = self.surface.colors.get(self.triangle);
         let of_vertices = colors.map_or(Vec3::ONE, |[a, b, c]| {
@@ -51,21 +49,29 @@ impl<'a> Spot<'a> {
     /// The product of the alpha of the material, of the texture and of the vertices.
     #[inline]
     pub(crate) fn alpha(&self, stage: &Stage, with_textures: bool) -> f32 {
-        let texture = if with_textures {
-            self.texture(stage)
+        let of_texture = if with_textures {
+            self.alpha_of_texture(stage).unwrap_or(1.0)
         } else {
-            None
+            1.0
         };
-        let of_texture = texture.map_or(1.0, |(texture, uv)| texture.alpha_at(uv));
         let alphas = self.surface.alphas.get(self.triangle);
         let of_vertices = alphas.map_or(1.0, |alphas| self.weights.dot(Vec3::from(*alphas)));
         self.material.alpha * of_texture * of_vertices
     }
 
-    /// The texture, and the coordinates in it.
-    #[inline]
-    fn texture<'b>(&self, stage: &'b Stage) -> Option<(&'b TextureImage, [f32; 2])> {
+    fn alpha_of_texture(&self, stage: &Stage) -> Option<f32> {
+        if let Some(number) = self.material.alpha_texture {
+            let (mask, uv) = self.texture(stage, number)?;
+            return Some(mask.mask_at(uv));
+        }
         let number = *self.surface.textures.get(self.triangle)?;
+        let (texture, uv) = self.texture(stage, number)?;
+        Some(texture.alpha_at(uv))
+    }
+
+    /// A texture, and the coordinates in it.
+    #[inline]
+    fn texture<'b>(&self, stage: &'b Stage, number: u32) -> Option<(&'b TextureImage, [f32; 2])> {
         let texture = stage.texture(number)?;
         let [a, b, c] = self.surface.uvs.get(self.triangle)?.map(Vec2::from);
         let Vec3 { x, y, z } = self.weights;

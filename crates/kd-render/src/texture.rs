@@ -11,6 +11,8 @@ pub(crate) struct TextureImage {
     height: u32,
     /// Row by row from the top: red, green, blue, and alpha, which is 255 in an image without it.
     texels: Vec<[u8; 4]>,
+    /// Whether all texels are opaque.
+    is_opaque: bool,
     /// The value of a color channel for each byte, decoded from the color space of the scene.
     decoded: Box<[f32; 256]>,
 }
@@ -33,6 +35,7 @@ impl TextureImage {
             width: image.width(),
             height: image.height(),
             texels: image.pixels().map(|pixel| pixel.0).collect(),
+            is_opaque: image.pixels().all(|pixel| pixel.0[3] == u8::MAX),
             decoded: Box::new(std::array::from_fn(|i| colors.decoded([byte(i); 3]).x)),
         }
     }
@@ -55,13 +58,30 @@ impl TextureImage {
     /// The bilinearly filtered alpha at texture coordinates, as [`at`](Self::at). 1 if they are not finite.
     #[inline]
     pub(crate) fn alpha_at(&self, uv: [f32; 2]) -> f32 {
-        let alpha = |texel: [u8; 4]| f32::from(texel[3]) / 255.0;
+        self.share_at(uv, |[_, _, _, alpha]| f32::from(alpha) / 255.0)
+    }
+
+    /// What a picture of alpha alone says at texture coordinates: its alpha, or its brightness if all of it is opaque. 1 if they are not
+    /// finite.
+    pub(crate) fn mask_at(&self, uv: [f32; 2]) -> f32 {
+        if !self.is_opaque {
+            return self.alpha_at(uv);
+        }
+        self.share_at(uv, |[red, green, blue, _]| {
+            let sum: u16 = [red, green, blue].map(u16::from).iter().sum();
+            f32::from(sum) / (3.0 * 255.0)
+        })
+    }
+
+    /// The bilinearly filtered value of texels.
+    #[inline]
+    fn share_at(&self, uv: [f32; 2], of: impl Fn([u8; 4]) -> f32) -> f32 {
         let Some(texels) = self.texels_at(uv) else {
             return 1.0;
         };
         let [upper, lower] = texels
             .rows
-            .map(|[left, right]| alpha(left).lerp(alpha(right), texels.across));
+            .map(|[left, right]| of(left).lerp(of(right), texels.across));
         upper.lerp(lower, texels.down)
     }
 
@@ -175,6 +195,7 @@ mod tests {
         ] {
             let found = texture.alpha_at(uv);
             assert!((found - expected).abs() < 1e-6, "{uv:?}: {found}");
+            assert_eq!(texture.mask_at(uv), found, "a picture with alpha");
         }
     }
 
@@ -187,6 +208,11 @@ mod tests {
         let file = TextureSource::File(path);
         let texture = TextureImage::load(&file, ColorSpace::Linear).expect("a picture");
         assert_eq!(texture.alpha_at([0.1, 0.7]), 1.0);
+        let mean = 383.0 / 765.0;
+        assert!(
+            (texture.mask_at([0.1, 0.7]) - mean).abs() < 1e-6,
+            "brightness"
+        );
         assert_eq!(texture.at([0.1, 0.7]).z, 1.0);
     }
 }

@@ -142,6 +142,9 @@ pub struct Material {
     pub alpha: f32,
     /// What the alpha means.
     pub alpha_mode: AlphaMode,
+    /// Index in [`SceneDescription::textures`] of the picture that has the alpha in place of the one that has the color. A picture without
+    /// alpha counts by its brightness.
+    pub alpha_texture: Option<u32>,
 }
 
 impl Default for Material {
@@ -158,6 +161,7 @@ impl Default for Material {
             emission: Vec3::ZERO,
             alpha: 1.0,
             alpha_mode: AlphaMode::Opaque,
+            alpha_texture: None,
         }
     }
 }

@@ -6,7 +6,7 @@ use image::{Rgba, RgbaImage};
 use kd::glam::{DAffine3, Vec3};
 use kd::{BuildOptions, MergeMethod, Ray, Strategy};
 use kd_render::{PartHit, RenderMethod, RenderOptions, Stage, Tracer, render};
-use kd_scene::{AffOptions, AlphaMode, SceneDescription, load_scene};
+use kd_scene::{AffOptions, AlphaMode, Camera, SceneDescription, load_scene};
 
 use crate::brute_force::BruteForce;
 use crate::{check_golden, picture, small};
@@ -161,6 +161,34 @@ fn holes_match_golden_images_with_every_strategy() {
         let stage = staged(scene, Strategy::Auto, 0.2);
         check_golden(name, &picture(&stage, &options).picture);
     }
+}
+
+#[test]
+fn a_texture_of_opacity_makes_holes_where_it_is_black() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let holes =
+        image::GrayImage::from_fn(32, 32, |x, _| image::Luma([if x < 16 { 0 } else { 255 }]));
+    let save = |name: &str, text: &str| std::fs::write(folder.path().join(name), text);
+    holes.save(folder.path().join("holes.png")).expect("a file");
+    save("a.mtl", "newmtl leaf\nKd 1 0 0\nmap_d holes.png\n").expect("a file");
+    let square = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+    let object = format!("mtllib a.mtl\n{square}usemtl leaf\nf 1/1 2/2 3/3 4/4\n");
+    save("a.obj", &object).expect("a file");
+    let scene = load_scene(folder.path().join("a.obj"), &AffOptions::default()).expect("valid");
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let background = scene.background;
+    let stage = staged(scene, Strategy::Auto, 0.0);
+    let camera = Camera {
+        eye: Vec3::new(0.0, 0.0, 5.0),
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        fov_degrees: 30.0,
+    };
+    let options = with(RenderMethod::Whitted);
+    let seen = render(&stage, &stage.tracer(), &camera, &options, &|_| {}).picture;
+    assert_eq!(seen.at(24, 24), background, "a hole on the left");
+    let leaf = seen.at(40, 24);
+    assert!(leaf.x > 0.2 && leaf.y == 0.0, "red on the right: {leaf}");
 }
 
 /// Answers batches of two queries, and nothing else.
