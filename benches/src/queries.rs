@@ -4,7 +4,6 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::Context as _;
 use clap::Args;
 use kd::grid::{GridOptions, UniformGrid};
 use kd::query::RayHit;
@@ -352,7 +351,7 @@ pub(crate) fn run(arguments: &QueriesArgs) -> anyhow::Result<bool> {
     let mut rows = Vec::new();
     for source in sources(arguments)? {
         let scene = source.load()?;
-        let mesh = Arc::new(scene.mesh.clone());
+        let mesh = Arc::clone(&scene.mesh);
         let rays = random_rays(&scene, arguments.smoke);
         let rival = if has_rival {
             Some(Rival {
@@ -430,7 +429,7 @@ fn random_rays(scene: &scenes::Scene, is_smoke: bool) -> Vec<Ray> {
         brute_force_tests: 0,
         least_checked: 0,
     };
-    let reference = KdTree::build(scene.mesh.clone(), &BuildOptions::fast());
+    let reference = KdTree::build(Arc::clone(&scene.mesh), &BuildOptions::fast());
     let reference = reference.expect("the default options");
     let workloads = workload::all(scene, &[RayKind::Random], amount, &reference);
     workloads

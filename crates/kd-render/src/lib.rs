@@ -5,6 +5,9 @@
 //! ray tracing (direct light, mirrors, glass) or by path tracing of diffuse surfaces. Rays are traced in batches, one bucket of
 //! pixels at a time. Pictures are identical for every number of threads.
 //!
+//! Alpha ([`AlphaMode`](kd_scene::AlphaMode)) makes holes in surfaces, and blends them with what is behind: hits of all rays pass a
+//! filter. A scene without such a material is rendered without one.
+//!
 //! The renderer sends its rays to a [`Tracer`], which every [`RayQuery`](kd_trace::RayQuery) over parts implements.
 //!
 //! ```no_run
@@ -23,12 +26,14 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod alpha;
 mod light;
 mod path_tracer;
 mod picture;
 mod random;
 mod render;
 mod shadows;
+mod spot;
 mod stage;
 mod surface;
 mod texture;
@@ -39,5 +44,5 @@ mod whitted;
 pub use picture::Picture;
 pub use render::{RayCounts, RenderMethod, RenderOptions, Rendering, render};
 pub use stage::{Stage, StageError};
-pub use tracer::{FrameTracer, PartHit, Tracer};
+pub use tracer::{FrameTracer, HitFilter, PartHit, Tracer};
 pub use views::{Heat, draw_boxes, heat_color, heat_map, leaf_depths};

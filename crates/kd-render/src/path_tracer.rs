@@ -4,6 +4,7 @@ use fastrand::Rng;
 use kd::Ray;
 use kd::glam::Vec3;
 
+use crate::alpha::hits_at_random;
 use crate::random::cosine_around;
 use crate::render::{Bucket, RayCounts, RenderContext};
 use crate::shadows::ShadowRays;
@@ -26,7 +27,6 @@ pub(crate) fn trace(
 ) -> (Vec<Vec3>, RayCounts) {
     let RenderContext {
         stage,
-        tracer,
         options,
         lights,
         ..
@@ -48,8 +48,7 @@ pub(crate) fn trace(
     counts.primary += rays.len() as u64;
     let mut colors = vec![Vec3::ZERO; rays.len()];
     for bounce in 0..=options.bounces {
-        let mut hits = vec![None; rays.len()];
-        tracer.intersect(&rays, &mut hits);
+        let hits = hits_at_random(context, &rays, |ray| paths[ray].random.f32());
         let mut shadow_rays = ShadowRays::with_capacity(rays.len());
         let (mut next_rays, mut next_paths) = (Vec::new(), Vec::new());
         for ((ray, mut path), hit) in rays.iter().zip(paths).zip(&hits) {
@@ -83,7 +82,7 @@ pub(crate) fn trace(
                 }
             }
         }
-        shadow_rays.add(*tracer, &mut colors, &mut counts);
+        shadow_rays.add(context, &mut colors, &mut counts);
         (rays, paths) = (next_rays, next_paths);
         counts.diffuse += rays.len() as u64;
     }

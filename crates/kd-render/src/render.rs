@@ -27,7 +27,7 @@ pub struct RenderOptions {
     pub lights: usize,
     /// Samples per pixel along each axis: a pixel takes `subpixels`² primary rays. 0 counts as 1.
     pub subpixels: u32,
-    /// Whether textures modulate the colors of surfaces.
+    /// Whether textures modulate the colors and the alpha of surfaces.
     pub textures: bool,
 }
 

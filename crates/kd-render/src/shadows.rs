@@ -3,8 +3,9 @@
 use kd::Ray;
 use kd::glam::Vec3;
 
+use crate::alpha::light_through;
 use crate::light::ShownLight;
-use crate::render::RayCounts;
+use crate::render::{RayCounts, RenderContext};
 use crate::surface::SurfacePoint;
 use crate::tracer::Tracer;
 
@@ -36,13 +37,17 @@ impl ShadowRays {
     }
 
     /// Traces all rays, and adds the contributions of those that reach their light.
-    pub(crate) fn add(self, tracer: &impl Tracer, colors: &mut [Vec3], counts: &mut RayCounts) {
-        let mut occluded = vec![false; self.rays.len()];
-        tracer.occluded(&self.rays, &mut occluded);
+    pub(crate) fn add(
+        self,
+        context: &RenderContext<'_, impl Tracer>,
+        colors: &mut [Vec3],
+        counts: &mut RayCounts,
+    ) {
+        let shares = light_through(context, &self.rays);
         counts.shadow += self.rays.len() as u64;
-        for ((sample, color), occluded) in self.contributions.into_iter().zip(occluded) {
-            if !occluded {
-                colors[sample] += color;
+        for ((sample, color), share) in self.contributions.into_iter().zip(shares) {
+            if share > 0.0 {
+                colors[sample] += share * color;
             }
         }
     }

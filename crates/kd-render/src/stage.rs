@@ -5,7 +5,7 @@ use std::sync::Arc;
 use kd::glam::{Affine3A, DVec3, Mat3A, Vec3};
 use kd::scene::{CommitError, CommitReport, SceneError};
 use kd::{Aabb, BuildOptions, Mesh, MeshError, PartId, Scene, Strategy};
-use kd_scene::{Camera, Light, Part, SceneDescription, TextureSource, light_above};
+use kd_scene::{AlphaMode, Camera, Light, Part, SceneDescription, TextureSource, light_above};
 use thiserror::Error;
 
 use crate::light::ShownLight;
@@ -23,6 +23,8 @@ pub struct Stage {
     part_indices: Vec<(PartId, usize)>,
     shown: Vec<ShownPart>,
     textures: Vec<Option<TextureImage>>,
+    /// Whether a material has holes or blends.
+    has_alpha: bool,
     time: f64,
     warnings: Vec<String>,
     /// Position of a default light, for scenes without lights.
@@ -102,6 +104,8 @@ impl Stage {
                 .ok()
         });
         let textures = textures.collect();
+        let mut materials = description.materials.iter();
+        let has_alpha = materials.any(|material| material.alpha_mode != AlphaMode::Opaque);
         let mut scene = Scene::new(options);
         scene.set_strategy(strategy);
         let start = description.span.map_or(0.0, |span| span.start);
@@ -112,6 +116,7 @@ impl Stage {
             part_indices: Vec::new(),
             shown: Vec::new(),
             textures,
+            has_alpha,
             time: start,
             warnings,
             default_light: None,
@@ -206,11 +211,16 @@ impl Stage {
         FrameTracer {
             frame: self.scene.frame().data(),
             part_indices: &self.part_indices,
+            parts: &self.parts,
         }
     }
 
     pub(crate) fn shown(&self, part: usize) -> &ShownPart {
         &self.shown[part]
+    }
+
+    pub(crate) fn has_alpha(&self) -> bool {
+        self.has_alpha
     }
 
     pub(crate) fn texture(&self, number: u32) -> Option<&TextureImage> {

@@ -1,9 +1,10 @@
 //! The surface point that a ray hits: position, normals and colors.
 
-use kd::glam::{Vec2, Vec3, Vec3A};
+use kd::glam::{Vec3, Vec3A};
 use kd::{Hit, Mesh, Ray};
-use kd_scene::{Material, Surface};
+use kd_scene::Material;
 
+use crate::spot::Spot;
 use crate::stage::Stage;
 use crate::tracer::PartHit;
 
@@ -35,22 +36,21 @@ impl<'a> SurfacePoint<'a> {
         ray: &Ray,
         hit: &PartHit,
     ) -> Option<Self> {
-        let part = &stage.description().parts[hit.part];
+        let spot = Spot::new(stage, hit);
         let shown = stage.shown(hit.part);
-        let triangle = hit.hit.triangle as usize;
         let corners = shown
             .mesh
             .corners(hit.hit.triangle)
             .map(|corner| corner.as_dvec3());
         let [a, b, c] = corners;
         let flat_normal = (b - a).cross(c - a).try_normalize()?.as_vec3();
-        let weights = Vec3::new(1.0 - hit.hit.u - hit.hit.v, hit.hit.u, hit.hit.v);
+        let weights = spot.weights;
         let normals = if shown.morphed_normals.is_empty() {
-            &part.surface.normals
+            &spot.surface.normals
         } else {
             &shown.morphed_normals
         };
-        let smooth = normals.get(triangle).map(|[a, b, c]| {
+        let smooth = normals.get(spot.triangle).map(|[a, b, c]| {
             let normal = weights.x * *a + weights.y * *b + weights.z * *c;
             Vec3::from(shown.inverse_transpose * Vec3A::from(normal)).normalize_or_zero()
         });
@@ -77,12 +77,8 @@ impl<'a> SurfacePoint<'a> {
             flat_normal,
             normal,
             is_outside,
-            material: &stage.description().materials[part.surface.materials[triangle] as usize],
-            texture: if with_textures {
-                texture_at(stage, &part.surface, triangle, weights)
-            } else {
-                Vec3::ONE
-            } * color_at(&part.surface, triangle, weights),
+            material: spot.material,
+            texture: spot.color(stage, with_textures),
         })
     }
 
@@ -95,24 +91,4 @@ impl<'a> SurfacePoint<'a> {
     pub(crate) fn below(&self) -> Vec3 {
         self.mesh.offset_origin(&self.hit, -self.flat_normal)
     }
-}
-
-/// The interpolated color of the vertices; 1 without colors.
-#[inline]
-fn color_at(surface: &Surface, triangle: usize, weights: Vec3) -> Vec3 {
-    let colors = surface.colors.get(triangle);
-    colors.map_or(Vec3::ONE, |[a, b, c]| {
-        weights.x * *a + weights.y * *b + weights.z * *c
-    })
-}
-
-#[inline]
-fn texture_at(stage: &Stage, surface: &Surface, triangle: usize, weights: Vec3) -> Vec3 {
-    let number = surface.textures.get(triangle).copied();
-    let texture = number.and_then(|number| stage.texture(number));
-    let (Some(texture), Some(uvs)) = (texture, surface.uvs.get(triangle)) else {
-        return Vec3::ONE;
-    };
-    let [a, b, c] = uvs.map(Vec2::from);
-    texture.at((weights.x * a + weights.y * b + weights.z * c).to_array())
 }

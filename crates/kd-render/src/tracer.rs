@@ -1,6 +1,8 @@
 //! The interface between the renderer and the structure that answers its rays.
 
-use kd::{FrameData, Hit, PartId, Ray};
+use kd::glam::Affine3A;
+use kd::query::RayHit;
+use kd::{FrameData, Hit, PartId, Ray, Verdict};
 use kd_trace::RayQuery;
 
 /// A hit on a part of a scene description.
@@ -12,7 +14,27 @@ pub struct PartHit {
     pub hit: Hit,
 }
 
-/// The two batch queries that a renderer needs.
+impl RayHit for PartHit {
+    #[inline]
+    fn t(&self) -> f32 {
+        self.hit.t
+    }
+
+    #[inline]
+    fn triangle(&self) -> u32 {
+        self.hit.triangle
+    }
+
+    #[inline]
+    fn is_before(&self, other: &Self) -> bool {
+        (self.part, self.hit).is_before(&(other.part, other.hit))
+    }
+}
+
+/// A [filter](RayQuery#filters) of the hits of a batch, which gets the number of the ray, too.
+pub type HitFilter<'a> = dyn FnMut(usize, &PartHit) -> Verdict + 'a;
+
+/// The batch queries that a renderer needs.
 ///
 /// Every [`RayQuery`] whose hits are [`PartHit`] is a tracer. The narrower trait exists for structures that cannot list
 /// [all hits of a ray](RayQuery::hits), such as the rivals that the benchmarks render with.
@@ -32,6 +54,49 @@ pub trait Tracer: Sync {
     ///
     /// If the slices differ in length.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
+
+    /// The first hit of each ray that a filter accepts, in order. Only scenes with [holes or blends](kd_scene::AlphaMode) need it.
+    ///
+    /// A tracer that is no [`RayQuery`] traces a ray again behind each hit that is rejected: of several surfaces at one distance, it
+    /// finds one.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    fn intersect_filtered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Option<PartHit>],
+        filter: &mut HitFilter<'_>,
+    ) {
+        self.intersect(rays, hits);
+        for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+            while let Some(found) = *hit {
+                match filter(number, &found) {
+                    Verdict::Accept => break,
+                    Verdict::Reject if found.hit.t < ray.t_max => {
+                        let behind = ray.with_range(found.hit.t.next_up(), ray.t_max);
+                        self.intersect(&[behind], std::slice::from_mut(hit));
+                    }
+                    Verdict::Reject | Verdict::Stop => *hit = None,
+                }
+            }
+        }
+    }
+
+    /// Whether a filter accepts any hit of each ray, in order; else as [`intersect_filtered`](Self::intersect_filtered).
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    fn occluded_filtered(&self, rays: &[Ray], occluded: &mut [bool], filter: &mut HitFilter<'_>) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        let mut hits = vec![None; rays.len()];
+        self.intersect_filtered(rays, &mut hits, filter);
+        for (occluded, hit) in occluded.iter_mut().zip(hits) {
+            *occluded = hit.is_some();
+        }
+    }
 }
 
 impl<Q: RayQuery<Hit = PartHit> + Sync> Tracer for Q {
@@ -42,14 +107,30 @@ impl<Q: RayQuery<Hit = PartHit> + Sync> Tracer for Q {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         self.occluded_batch(rays, occluded);
     }
+
+    fn intersect_filtered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Option<PartHit>],
+        filter: &mut HitFilter<'_>,
+    ) {
+        self.intersect_filtered_batch(rays, hits, filter);
+    }
+
+    fn occluded_filtered(&self, rays: &[Ray], occluded: &mut [bool], filter: &mut HitFilter<'_>) {
+        self.occluded_filtered_batch(rays, occluded, filter);
+    }
 }
 
-/// A frame of a [`Stage`](crate::Stage), whose hits name parts by their index in the scene description.
+/// A frame of a [`Stage`](crate::Stage), whose hits name parts by their index in the scene description. Hits at one distance are in the
+/// order of the frame: a part that was hidden for a while is behind all others.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTracer<'a> {
     pub(crate) frame: &'a FrameData,
     /// The parts of the frame in order of their ids, each with its index in the description.
     pub(crate) part_indices: &'a [(PartId, usize)],
+    /// The ids of the parts of the description, with their transforms; `None` for invisible ones.
+    pub(crate) parts: &'a [Option<(PartId, Affine3A)>],
 }
 
 impl FrameTracer<'_> {
@@ -77,6 +158,19 @@ impl RayQuery for FrameTracer<'_> {
     fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<PartHit>) {
         let mut found = Vec::new();
         self.frame.hits(ray, max, &mut found);
+        out.clear();
+        out.extend(found.into_iter().map(|found| self.part_hit(found)));
+    }
+
+    fn hits_behind(&self, ray: &Ray, last: &PartHit, max: usize, out: &mut Vec<PartHit>) {
+        let Some(&Some((id, _))) = self.parts.get(last.part) else {
+            // A part without a place in the order is before all others.
+            let rest = ray.with_range(ray.t_min.max(last.hit.t), ray.t_max);
+            return self.hits(&rest, max, out);
+        };
+        let mut found = Vec::new();
+        self.frame
+            .hits_behind(ray, &(id, last.hit), max, &mut found);
         out.clear();
         out.extend(found.into_iter().map(|found| self.part_hit(found)));
     }

@@ -8,11 +8,12 @@ use kd::Ray;
 use kd::glam::Vec3;
 use kd_scene::Material;
 
+use crate::alpha::Seen;
 use crate::light::ShownLight;
 use crate::render::{Bucket, RayCounts, RenderContext};
 use crate::shadows::ShadowRays;
 use crate::surface::SurfacePoint;
-use crate::tracer::Tracer;
+use crate::tracer::{PartHit, Tracer};
 
 /// A path ends when its weight is below this in every color channel.
 const MIN_WEIGHT: f32 = 1.0 / 512.0;
@@ -64,6 +65,8 @@ impl Wave {
 struct VisiblePoint<'a> {
     /// Index of the ray in the wave.
     ray: usize,
+    /// Factor on the color of the point.
+    weight: Vec3,
     point: SurfacePoint<'a>,
 }
 
@@ -74,7 +77,6 @@ pub(crate) fn trace(
 ) -> (Vec<Vec3>, RayCounts) {
     let RenderContext {
         stage,
-        tracer,
         options,
         lights,
         ..
@@ -90,25 +92,33 @@ pub(crate) fn trace(
         if wave.rays.is_empty() {
             break;
         }
-        let mut hits = vec![None; wave.rays.len()];
-        tracer.intersect(&wave.rays, &mut hits);
-        let mut points = Vec::with_capacity(hits.len());
-        for (index, hit) in hits.iter().enumerate() {
-            let path = wave.paths[index];
-            let Some(hit) = hit else {
-                colors[path.sample] += path.weight * stage.description().background;
-                continue;
-            };
-            let ray = &wave.rays[index];
-            if let Some(point) = SurfacePoint::new(stage, options.textures, ray, hit) {
+        let seen = Seen::by(context, &wave.rays);
+        let mut points = Vec::with_capacity(seen.hits.len());
+        let mut see = |ray: usize, hit: &PartHit, share: f32, colors: &mut [Vec3]| {
+            let Path { sample, weight } = wave.paths[ray];
+            let of_ray = &wave.rays[ray];
+            if let Some(point) = SurfacePoint::new(stage, options.textures, of_ray, hit) {
+                let weight = share * weight;
                 let ambient = stage.description().ambient * point.material.ambient;
                 let own = ambient * point.texture + point.material.emission;
-                colors[path.sample] += path.weight * own;
-                points.push(VisiblePoint { ray: index, point });
+                colors[sample] += weight * own;
+                points.push(VisiblePoint { ray, weight, point });
+            }
+        };
+        for (ray, hit) in seen.hits.iter().enumerate() {
+            let share = seen.share(ray);
+            if let Some(hit) = hit {
+                see(ray, hit, share, &mut colors);
+            } else {
+                let Path { sample, weight } = wave.paths[ray];
+                colors[sample] += share * weight * stage.description().background;
             }
         }
+        for veil in &seen.veils {
+            see(veil.ray, &veil.hit, veil.share, &mut colors);
+        }
         for light in lights {
-            add_light(*tracer, light, &wave, &points, &mut colors, &mut counts);
+            add_light(context, light, &wave, &points, &mut colors, &mut counts);
         }
         if bounce == options.bounces {
             break;
@@ -129,7 +139,7 @@ pub(crate) fn trace(
 
 /// Adds the light of one source at all points that it reaches.
 fn add_light(
-    tracer: &impl Tracer,
+    context: &RenderContext<'_, impl Tracer>,
     light: &ShownLight,
     wave: &Wave,
     points: &[VisiblePoint<'_>],
@@ -137,8 +147,8 @@ fn add_light(
     counts: &mut RayCounts,
 ) {
     let mut shadow_rays = ShadowRays::with_capacity(points.len());
-    for VisiblePoint { ray, point } in points {
-        let (ray, path) = (&wave.rays[*ray], &wave.paths[*ray]);
+    for VisiblePoint { ray, weight, point } in points {
+        let (ray, sample) = (&wave.rays[*ray], wave.paths[*ray].sample);
         let (to_light, arriving) = light.seen_from(point.at);
         if to_light.dot(point.flat_normal) <= 0.0 {
             continue;
@@ -150,12 +160,12 @@ fn add_light(
             to_light,
             ray.direction,
         );
-        let color = path.weight * arriving * color;
+        let color = *weight * arriving * color;
         if color.max_element() > 0.0 {
-            shadow_rays.push(point, light, path.sample, color);
+            shadow_rays.push(point, light, sample, color);
         }
     }
-    shadow_rays.add(tracer, colors, counts);
+    shadow_rays.add(context, colors, counts);
 }
 
 /// The reflected share of light (B. T. Phong, *Illumination for Computer Generated Pictures*, 1975).
@@ -181,16 +191,16 @@ fn phong(
 
 /// Adds the reflected and the refracted ray of a point to their waves.
 fn scatter(wave: &Wave, visible: &VisiblePoint<'_>, mirrored: &mut Wave, refracted: &mut Wave) {
-    let VisiblePoint { ray, point } = visible;
-    let (ray, path) = (&wave.rays[*ray], &wave.paths[*ray]);
+    let VisiblePoint { ray, weight, point } = visible;
+    let (ray, sample) = (&wave.rays[*ray], wave.paths[*ray].sample);
     let direction = ray.direction.normalize_or_zero();
     let material = point.material;
     let mut mirror = material.mirror;
     if material.transmittance > 0.0 {
         match refracted_direction(direction, point, material.refraction) {
             Some(direction) => {
-                let weight = path.weight * material.transmittance;
-                refracted.push(Ray::new(point.below(), direction), path.sample, weight);
+                let weight = *weight * material.transmittance;
+                refracted.push(Ray::new(point.below(), direction), sample, weight);
             }
             // Total internal reflection.
             None => mirror += material.transmittance,
@@ -199,8 +209,8 @@ fn scatter(wave: &Wave, visible: &VisiblePoint<'_>, mirrored: &mut Wave, refract
     let back = direction - 2.0 * direction.dot(point.normal) * point.normal;
     // With an interpolated normal, the reflection may point into the surface.
     if back.dot(point.flat_normal) > 0.0 {
-        let weight = path.weight * mirror;
-        mirrored.push(Ray::new(point.above(), back), path.sample, weight);
+        let weight = *weight * mirror;
+        mirrored.push(Ray::new(point.above(), back), sample, weight);
     }
 }
 

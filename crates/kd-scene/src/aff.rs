@@ -317,7 +317,7 @@ impl Reader<'_> {
             shine: narrow(shine.max(0.0)),
             transmittance: narrow(transmittance.clamp(0.0, 1.0)),
             refraction: narrow(refraction),
-            emission: Vec3::ZERO,
+            ..Material::default()
         };
         // Repeated includes repeat the same material.
         if self.scene.materials.last() != Some(&material) {

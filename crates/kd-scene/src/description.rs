@@ -9,7 +9,7 @@ use kd_core::{Mesh, MeshError};
 use crate::keys::Keys;
 use crate::keys::sampled::Sampled;
 use crate::report::Warning;
-use crate::{Camera, SceneSetup};
+use crate::{AlphaMode, Camera, SceneSetup};
 
 /// A scene as a file describes it, for any time of its animation. It holds no trees.
 #[derive(Clone, Debug, Default)]
@@ -138,6 +138,13 @@ pub struct Material {
     pub refraction: f32,
     /// Light that the surface itself sends to the eye, per channel.
     pub emission: Vec3,
+    /// A factor on the alpha of the texture and of the vertices.
+    pub alpha: f32,
+    /// What the alpha means.
+    pub alpha_mode: AlphaMode,
+    /// Index in [`SceneDescription::textures`] of the picture that has the alpha in place of the one that has the color. A picture without
+    /// alpha counts by its brightness.
+    pub alpha_texture: Option<u32>,
 }
 
 impl Default for Material {
@@ -152,6 +159,9 @@ impl Default for Material {
             transmittance: 0.0,
             refraction: 1.0,
             emission: Vec3::ZERO,
+            alpha: 1.0,
+            alpha_mode: AlphaMode::Opaque,
+            alpha_texture: None,
         }
     }
 }
@@ -251,6 +261,8 @@ pub struct Surface {
     pub uvs: Vec<[[f32; 2]; 3]>,
     /// Colors at the three corners, factors on those of the material as textures are. Empty if no triangle has any.
     pub colors: Vec<[Vec3; 3]>,
+    /// Alpha at the three corners, a factor on that of the material. Empty if no triangle has any.
+    pub alphas: Vec<[f32; 3]>,
 }
 
 impl Surface {

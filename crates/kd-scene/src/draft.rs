@@ -141,6 +141,13 @@ impl PartDraft {
         self.surface.colors.push(colors);
     }
 
+    /// Sets the alpha at the corners of the triangle that was added last.
+    pub(crate) fn set_alphas(&mut self, alphas: [f32; 3]) {
+        let before = self.triangles.len() - 1;
+        self.surface.alphas.resize(before, [1.0; 3]);
+        self.surface.alphas.push(alphas);
+    }
+
     /// Sets the morph keys of the triangle that was added last.
     pub(crate) fn set_keys(&mut self, keys: Vec<MorphKey>) {
         let morph = self.morph.get_or_insert_default();
@@ -162,6 +169,9 @@ impl PartDraft {
         }
         if !surface.colors.is_empty() {
             surface.colors.resize(triangles, [Vec3::ONE; 3]);
+        }
+        if !surface.alphas.is_empty() {
+            surface.alphas.resize(triangles, [1.0; 3]);
         }
         Ok(Part {
             name: self.name,

@@ -43,8 +43,8 @@ use skins::OwnPart;
 /// All static triangles form one part, the triangles that move with a node form one part, and every mesh with a skin or with animated
 /// morph targets forms one part. The reader supports the first animation (step, linear and cubic keys of nodes and weights, and the
 /// skins that follow them), the first perspective camera, lights (`KHR_lights_punctual`), instances (`EXT_mesh_gpu_instancing`),
-/// colors of vertices, and materials by base color, its texture, metalness and roughness; smooth materials reflect. What it does not use
-/// is a [warning](SceneDescription::warnings).
+/// colors of vertices, and materials by base color, its texture, metalness and roughness; smooth materials reflect. Alpha makes holes and
+/// blends as [`AlphaMode`](crate::AlphaMode) says. What the reader does not use is a [warning](SceneDescription::warnings).
 ///
 /// # Errors
 ///

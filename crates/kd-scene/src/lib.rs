@@ -28,6 +28,8 @@
 
 #[cfg(feature = "scenes")]
 mod aff;
+#[cfg(feature = "scenes")]
+mod alpha;
 mod camera;
 #[cfg(feature = "scenes")]
 mod description;
@@ -67,6 +69,8 @@ mod words;
 
 #[cfg(feature = "scenes")]
 pub use aff::{AffOptions, load_aff, read_aff};
+#[cfg(feature = "scenes")]
+pub use alpha::AlphaMode;
 pub use camera::{Camera, View, light_above};
 #[cfg(feature = "scenes")]
 pub use description::{

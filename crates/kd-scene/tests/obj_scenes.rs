@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use kd_scene::{
-    LoadError, LoadOptions, SceneDescription, Strictness, Surface, TextureSource, WarningCode,
-    load_scene_with, read_obj_scene,
+    AlphaMode, LoadError, LoadOptions, SceneDescription, Strictness, Surface, TextureSource,
+    WarningCode, load_scene_with, read_obj_scene,
 };
 
 const MATERIALS: &str = "
@@ -104,6 +104,20 @@ fn triangles_have_their_materials_normals_and_uvs() {
     let warnings: Vec<String> = scene.warnings.iter().map(ToString::to_string).collect();
     let expected = "a/scene.obj: line 19: unknown material `nothing`; using light gray";
     assert_eq!(warnings, [expected]);
+}
+
+#[test]
+fn a_texture_of_opacity_needs_no_other_one() {
+    let materials = "newmtl red\nKd 1 0 0\nnewmtl wood\nd 0.5\nmap_d leaf.png\nnewmtl glass\n";
+    let scene = read(OBJECT, materials).expect("valid");
+    let leaf = &scene.materials[2];
+    assert_eq!((leaf.alpha, leaf.alpha_mode), (0.5, AlphaMode::Blend));
+    assert_eq!(leaf.alpha_texture, Some(0));
+    assert_eq!(scene.textures[0].name, "leaf.png");
+    let surface = &scene.parts[0].surface;
+    assert!(surface.textures.is_empty(), "no color");
+    assert_eq!(surface.uvs.len(), scene.parts[0].mesh.len());
+    assert_eq!(surface.uvs[3], [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::json::{
     self, Extensions, SpecularGlossiness, Surface as Pbr, TextureInfo, TextureTransform, Whole,
 };
 use crate::report::WarningCode;
-use crate::{LoadError, Material, Surface};
+use crate::{AlphaMode, LoadError, Material, Surface};
 
 /// Mirror reflectance of non-metals at normal incidence.
 const PLAIN_MIRROR: f32 = 0.04;
@@ -24,6 +24,8 @@ pub(super) struct Look {
     pub(super) set: usize,
     /// From the texture coordinates of a vertex to those in the image.
     pub(super) to_image: (Mat2, Vec2),
+    /// Whether alpha has a meaning.
+    pub(super) has_alpha: bool,
 }
 
 impl Look {
@@ -33,6 +35,7 @@ impl Look {
             texture: Surface::NO_TEXTURE,
             set: 0,
             to_image: (Mat2::IDENTITY, Vec2::ZERO),
+            has_alpha: false,
         }
     }
 
@@ -104,6 +107,7 @@ impl Reader<'_> {
                 diffuse: Vec3::ZERO,
                 transmittance: converted.transmittance,
                 refraction: converted.refraction,
+                alpha: converted.alpha,
                 ..Material::default()
             };
         }
@@ -119,25 +123,12 @@ impl Reader<'_> {
             Some(glossy) => glossy.diffuse_texture,
             None => material.pbr_metallic_roughness.base_color_texture.take(),
         };
-        if transmission.is_none() {
-            let mode = material.alpha_mode.as_deref().unwrap_or("OPAQUE");
-            let alpha = 1.0 - converted.transmittance;
-            converted.transmittance = match mode {
-                "BLEND" => 1.0 - alpha,
-                "MASK" if alpha < material.alpha_cutoff.unwrap_or(0.5) => 1.0,
-                _ => 0.0,
-            };
-            if !["OPAQUE", "MASK", "BLEND"].contains(&mode) {
-                let what = format!("the alphaMode `{mode}` is unknown; the surface is opaque");
-                self.warn(&pointer, WarningCode::BadMaterial, what);
-            } else if mode != "OPAQUE" && texture.is_some() {
-                let what = format!(
-                    "the alpha of a texture is not used (alphaMode {mode}): the surface has no holes"
-                );
-                self.warn(&pointer, WarningCode::Unused, what);
-            }
-        }
-        let look = Look::plain(self.add_material(converted));
+        converted.alpha_mode = self.alpha_mode(&material, &pointer);
+        let has_alpha = converted.alpha_mode != AlphaMode::Opaque;
+        let look = Look {
+            has_alpha,
+            ..Look::plain(self.add_material(converted))
+        };
         let Some(info) = texture else {
             return Ok(look);
         };
@@ -147,6 +138,21 @@ impl Reader<'_> {
                 self.warn_of(&error, WarningCode::BadMaterial, "a plain color");
                 look
             }))
+    }
+
+    fn alpha_mode(&mut self, material: &json::Material, pointer: &str) -> AlphaMode {
+        match material.alpha_mode.as_deref() {
+            None | Some("OPAQUE") => AlphaMode::Opaque,
+            Some("MASK") => AlphaMode::Mask {
+                cutoff: material.alpha_cutoff.unwrap_or(0.5),
+            },
+            Some("BLEND") => AlphaMode::Blend,
+            Some(other) => {
+                let what = format!("the alphaMode `{other}` is unknown; the surface is opaque");
+                self.warn(pointer, WarningCode::BadMaterial, what);
+                AlphaMode::Opaque
+            }
+        }
     }
 
     /// A look with the texture that a material uses.
@@ -248,7 +254,7 @@ fn of_rough(surface: &Pbr) -> Material {
     Material {
         ambient: 0.25 * (diffuse + metal * base),
         diffuse: diffuse + 0.3 * metal * rough * base,
-        transmittance: (1.0 - alpha).clamp(0.0, 1.0),
+        alpha: alpha.clamp(0.0, 1.0),
         ..reflecting(specular, rough)
     }
 }
@@ -261,7 +267,7 @@ fn of_glossy(surface: &SpecularGlossiness) -> Material {
     Material {
         ambient: 0.25 * diffuse,
         diffuse,
-        transmittance: (1.0 - alpha).clamp(0.0, 1.0),
+        alpha: alpha.clamp(0.0, 1.0),
         ..reflecting(
             Vec3::from(surface.specular_factor.unwrap_or([1.0; 3])),
             rough,

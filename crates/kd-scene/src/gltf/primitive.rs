@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 use super::json::{Attributes, Mesh, Primitive, Whole};
 use super::material::Look;
@@ -22,7 +22,8 @@ pub(super) struct Triangles {
     look: Look,
     pub(super) normals: Option<Vec<[f32; 3]>>,
     uvs: Option<Vec<[f32; 2]>>,
-    colors: Option<Vec<Vec3>>,
+    /// With alpha.
+    colors: Option<Vec<Vec4>>,
     /// The morph targets.
     pub(super) targets: Vec<Offsets>,
     /// The joints of each vertex and their weights; empty without any.
@@ -264,13 +265,13 @@ impl Reader<'_> {
         None
     }
 
-    /// The colors of vertices, without their alpha.
+    /// The colors of vertices; those without alpha are opaque.
     fn colors(
         &mut self,
         attributes: &Attributes,
         count: usize,
         pointer: &str,
-    ) -> Result<Option<Vec<Vec3>>, LoadError> {
+    ) -> Result<Option<Vec<Vec4>>, LoadError> {
         const NAME: &str = "COLOR_0";
         let Some(accessor) = attributes.get(NAME) else {
             return Ok(None);
@@ -282,7 +283,11 @@ impl Reader<'_> {
             return Ok(None);
         }
         let colors = all.numbers.chunks_exact(all.width);
-        let colors = colors.map(|color| Vec3::from_slice(color).clamp(Vec3::ZERO, Vec3::ONE));
+        let colors = colors.map(|color| {
+            let alpha = color.get(3).copied().unwrap_or(1.0);
+            let color = Vec3::from_slice(color).extend(alpha);
+            color.clamp(Vec4::ZERO, Vec4::ONE)
+        });
         let colors = colors.collect();
         Ok(self.of_count(colors, NAME, count, pointer))
     }
@@ -482,7 +487,10 @@ impl Triangles {
                 draft.set_uvs(at.map(|corner| uvs[corner]));
             }
             if let Some(colors) = &self.colors {
-                draft.set_colors(at.map(|corner| colors[corner]));
+                draft.set_colors(at.map(|corner| colors[corner].truncate()));
+                if self.look.has_alpha {
+                    draft.set_alphas(at.map(|corner| colors[corner].w));
+                }
             }
         }
         Ok(vertices)

@@ -7,11 +7,11 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::statements::{Statements, rest, without_comment};
-use crate::Material;
 use crate::error::quoted;
 use crate::report::{Place, Report, WarningCode};
 use crate::source::Source;
 use crate::words::{Words, number};
+use crate::{AlphaMode, Material};
 
 /// A material of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +27,8 @@ pub(super) struct MtlMaterial {
     illumination: Option<u32>,
     /// The path of the diffuse texture, as the file writes it.
     pub(super) texture: Option<String>,
+    /// The path of the texture of opacity.
+    pub(super) alpha_texture: Option<String>,
 }
 
 /// Reads the materials of a file.
@@ -112,12 +114,13 @@ impl MtlMaterial {
             // Most files have any color here; the diffuse one serves.
             "Ka" => true,
             "map_Kd" => assign(&mut self.texture, texture(&rest(statement, keyword))),
+            "map_d" => assign(&mut self.alpha_texture, texture(&rest(statement, keyword))),
             _ => return Set::Unused,
         };
         if is_set { Set::Done } else { Set::Bad }
     }
 
-    /// The material of a scene.
+    /// The material of a scene, without its textures.
     pub(super) fn material(&self) -> Material {
         let diffuse = self.diffuse.unwrap_or(Vec3::splat(0.8));
         // Under a texture, black means that the texture alone gives the color.
@@ -128,6 +131,12 @@ impl MtlMaterial {
         };
         let specular = self.specular.unwrap_or(Vec3::ZERO);
         // Illumination models below 3 have highlights, but no mirror reflection.
+        let opacity = self.opacity.unwrap_or(1.0).clamp(0.0, 1.0);
+        // A texture of opacity makes holes and blends; without one, the surface is clear as glass is.
+        let (alpha, alpha_mode, transmittance) = match self.alpha_texture {
+            Some(_) => (opacity, AlphaMode::Blend, 0.0),
+            None => (1.0, AlphaMode::Opaque, 1.0 - opacity),
+        };
         let is_mirror = self.illumination.is_some_and(|model| model >= 3);
         Material {
             // The ambient color in most files is meaningless.
@@ -136,9 +145,12 @@ impl MtlMaterial {
             specular,
             mirror: if is_mirror { specular } else { Vec3::ZERO },
             shine: self.shine.unwrap_or(0.0).max(0.0),
-            transmittance: (1.0 - self.opacity.unwrap_or(1.0)).clamp(0.0, 1.0),
+            transmittance,
             refraction: self.refraction.unwrap_or(1.0),
             emission: self.emission.unwrap_or(Vec3::ZERO),
+            alpha,
+            alpha_mode,
+            ..Material::default()
         }
     }
 }
@@ -251,10 +263,11 @@ mod tests {
     fn usual_statements_are_read() {
         let (materials, warnings) = read(
             b"\xef\xbb\xbfnewmtl first one\nKd 0.5\nKs 0.1 0.2 0.3\nNs 12\nd -halo 0.25\nNi 1.5\nillum 3\n\
-              map_Kd -s 2 2 -clamp on a b.png\nnewmtl caf\xe9\nTr 0.25 # glass\nmap_Kd tex\\wall.png\n",
+              map_Kd -s 2 2 -clamp on a b.png\nnewmtl caf\xe9\nTr 0.25 # glass\nmap_Kd tex\\wall.png\n\
+              newmtl leaf\nd 0.75\nmap_d -imfchan m tex\\leaf.png\n",
         );
         assert_eq!(warnings, [""; 0]);
-        let [first, second] = materials.as_slice() else {
+        let [first, second, leaf] = materials.as_slice() else {
             panic!("{materials:?}");
         };
         let material = first.material();
@@ -267,6 +280,10 @@ mod tests {
         assert_eq!(second.material().transmittance, 0.25);
         assert_eq!(second.texture.as_deref(), Some("tex/wall.png"));
         assert!(second.name.starts_with("caf"), "a byte that is no UTF-8");
+        assert_eq!(leaf.alpha_texture.as_deref(), Some("tex/leaf.png"));
+        let leaf = leaf.material();
+        assert_eq!((leaf.alpha, leaf.alpha_mode), (0.75, AlphaMode::Blend));
+        assert_eq!(leaf.transmittance, 0.0, "alpha alone");
     }
 
     #[test]

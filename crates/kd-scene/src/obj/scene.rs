@@ -21,7 +21,7 @@ use crate::{LoadError, Material, SceneDescription, Surface, Texture, TextureSour
 /// materials. `files` reads the file at a path; names in the file are relative to `path`.
 ///
 /// A material has a diffuse color or texture, highlights, a mirror reflectance if its illumination model is 3 or more, and a
-/// transmittance of 1 minus its `d`. A material file that is missing, a statement about materials that has no meaning, a material that no
+/// transmittance of 1 minus its `d`, or with `map_d` an alpha. A material file that is missing, a statement about materials that has no meaning, a material that no
 /// file defines, and normals and texture coordinates that are not there are [warnings](SceneDescription::warnings); triangles without a
 /// material are light gray.
 ///
@@ -179,10 +179,13 @@ impl Beside for Looks<'_> {
         set(&mut surface.materials, number, *material, 0);
         let corners = corners.map(|corner| of_face[corner]);
         let texture = self.material_textures[*material as usize];
+        let has_alpha = self.materials[*material as usize].alpha_texture.is_some();
         if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.uv)
-            && texture != Surface::NO_TEXTURE
+            && (texture != Surface::NO_TEXTURE || has_alpha)
         {
-            set(&mut surface.textures, number, texture, Surface::NO_TEXTURE);
+            if texture != Surface::NO_TEXTURE {
+                set(&mut surface.textures, number, texture, Surface::NO_TEXTURE);
+            }
             set(&mut surface.uvs, number, [a, b, c], [[0.0; 2]; 3]);
         }
         if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner.normal) {
@@ -246,8 +249,10 @@ impl Looks<'_> {
         remove(&mut surface.materials, left_out);
         if !surface.textures.is_empty() {
             surface.textures.resize(whole, Surface::NO_TEXTURE);
-            surface.uvs.resize(whole, [[0.0; 2]; 3]);
             remove(&mut surface.textures, left_out);
+        }
+        if !surface.uvs.is_empty() {
+            surface.uvs.resize(whole, [[0.0; 2]; 3]);
             remove(&mut surface.uvs, left_out);
         }
         if !surface.normals.is_empty() {
@@ -316,8 +321,13 @@ impl Looks<'_> {
 
     fn add(&mut self, material: &MtlMaterial) {
         let texture = material.texture.as_deref().map(|name| self.texture(name));
+        let alpha_texture = material.alpha_texture.as_deref();
+        let alpha_texture = alpha_texture.map(|name| self.texture(name));
         let number = to_u32(self.materials.len());
-        self.materials.push(material.material());
+        self.materials.push(Material {
+            alpha_texture,
+            ..material.material()
+        });
         self.material_textures
             .push(texture.unwrap_or(Surface::NO_TEXTURE));
         let short = without_comment(&material.name).to_owned();

@@ -1,7 +1,7 @@
 //! Extensions that the reader uses.
 
 use glam::{Vec2, Vec3};
-use kd_scene::{LightKind, TextureSource};
+use kd_scene::{AlphaMode, LightKind, TextureSource};
 use serde_json::{Value, json};
 
 use crate::file::{File, TRIANGLE, read};
@@ -275,12 +275,62 @@ fn materials_have_what_their_extensions_say() {
     assert_eq!((unlit.ambient, unlit.diffuse), (Vec3::X, Vec3::ZERO));
     let factor = json!({ "baseColorFactor": [1, 1, 1, 0.25] });
     let clear = material(json!({ "pbrMetallicRoughness": factor.clone(), "alphaMode": "BLEND" }));
-    assert_eq!(clear.transmittance, 0.75);
+    assert_eq!((clear.alpha, clear.alpha_mode), (0.25, AlphaMode::Blend));
+    assert_eq!(clear.transmittance, 0.0, "alpha is coverage, not glass");
     let unlit = json!({ "KHR_materials_unlit": {} });
     let unlit = json!({ "pbrMetallicRoughness": factor.clone(), "alphaMode": "BLEND", "extensions": unlit });
-    assert_eq!(material(unlit).transmittance, 0.75, "also without light");
+    let unlit = material(unlit);
+    assert_eq!(
+        (unlit.alpha, unlit.alpha_mode),
+        (0.25, AlphaMode::Blend),
+        "also without light"
+    );
     let opaque = material(json!({ "pbrMetallicRoughness": factor }));
-    assert_eq!(opaque.transmittance, 0.0, "OPAQUE ignores alpha");
+    assert_eq!(opaque.alpha_mode, AlphaMode::Opaque);
+    for (cutoff, expected) in [(json!(null), 0.5), (json!(0.25), 0.25)] {
+        let mask = material(json!({ "alphaMode": "MASK", "alphaCutoff": cutoff }));
+        assert_eq!(mask.alpha_mode, AlphaMode::Mask { cutoff: expected });
+    }
+}
+
+#[test]
+fn alpha_of_vertices_is_kept_where_it_has_a_meaning() {
+    let colors = [
+        1.0, 0.5, 0.25, 0.75, 1.0, 1.0, 1.0, 2.0, 0.0, 0.0, 0.0, -1.0,
+    ];
+    let alphas = |mode: &str| {
+        let mut file = File::default();
+        let at = file.floats("VEC4", 4, &colors);
+        let primitive = json!({ "material": 0, "attributes": { "COLOR_0": at } });
+        let rest = json!({ "materials": [{ "alphaMode": mode }] });
+        let scene = read(&triangle(file, json!({}), primitive, rest)).expect("valid");
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let surface = &scene.parts[0].surface;
+        assert_eq!(surface.colors[0][0], Vec3::new(1.0, 0.5, 0.25), "{mode}");
+        surface.alphas.clone()
+    };
+    for mode in ["MASK", "BLEND"] {
+        assert_eq!(alphas(mode), [[0.75, 1.0, 0.0]], "{mode}");
+    }
+    assert!(alphas("OPAQUE").is_empty());
+}
+
+#[test]
+fn alpha_of_a_texture_is_no_warning() {
+    let surface = json!({ "baseColorTexture": { "index": 0 } });
+    for mode in ["MASK", "BLEND"] {
+        let mut file = File::default();
+        let uvs = file.floats("VEC2", 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        let primitive = json!({ "material": 0, "attributes": { "TEXCOORD_0": uvs } });
+        let rest = json!({
+            "materials": [{ "alphaMode": mode, "pbrMetallicRoughness": surface.clone() }],
+            "textures": [{ "source": 0 }],
+            "images": [{ "uri": "leaf.png" }],
+        });
+        let scene = read(&triangle(file, json!({}), primitive, rest)).expect("valid");
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        assert_eq!(scene.parts[0].surface.textures, [0], "{mode}");
+    }
 }
 
 #[test]

@@ -2,17 +2,21 @@
 //!
 //! `KD_GOLDEN=write` overwrites the golden images, for inspection by eye.
 
+mod brute_force;
+mod cutouts;
+
 use std::path::{Path, PathBuf};
 
 use kd::glam::Vec3;
-use kd::{BuildOptions, Hit, MergeMethod, Ray, Strategy};
-use kd_core::Mesh;
+use kd::{BuildOptions, MergeMethod, Ray, Strategy};
 use kd_render::{
-    PartHit, Picture, RenderMethod, RenderOptions, Rendering, Stage, draw_boxes, heat_map,
-    leaf_depths, render,
+    Picture, RenderMethod, RenderOptions, Rendering, Stage, draw_boxes, heat_map, leaf_depths,
+    render,
 };
 use kd_scene::{AffOptions, SceneDescription, load_aff, toy_room};
-use kd_trace::{RayQuery, brute_force};
+use kd_trace::RayQuery;
+
+use brute_force::BruteForce;
 
 const SPHERES: &str = "
 b 0.2 0.3 0.5 v from 1 3 6 at 0 0.6 0 up 0 1 0 angle 40 hither 0.1 resolution 64 48
@@ -81,7 +85,7 @@ fn staged(scene: SceneDescription, time: f64) -> Stage {
     stage
 }
 
-fn small() -> RenderOptions {
+pub(crate) fn small() -> RenderOptions {
     RenderOptions {
         width: 64,
         height: 48,
@@ -89,68 +93,8 @@ fn small() -> RenderOptions {
     }
 }
 
-fn picture(stage: &Stage, options: &RenderOptions) -> Rendering {
+pub(crate) fn picture(stage: &Stage, options: &RenderOptions) -> Rendering {
     render(stage, &stage.tracer(), &stage.camera(), options, &|_| {})
-}
-
-/// Tests every ray against every triangle of every part.
-struct BruteForce {
-    meshes: Vec<Mesh>,
-}
-
-impl BruteForce {
-    fn new(stage: &Stage) -> Self {
-        let nodes = stage.description().placed_nodes(stage.time());
-        let parts = stage.description().parts.iter();
-        let placed = parts.map(|part| {
-            let to = SceneDescription::placed_part(part, &nodes);
-            let mesh = match part.deformed(stage.time(), &nodes) {
-                Some(positions) => &part
-                    .mesh
-                    .with_positions(positions)
-                    .expect("finite positions"),
-                None => &*part.mesh,
-            };
-            mesh.transformed(&to).expect("finite positions")
-        });
-        Self {
-            meshes: placed.collect(),
-        }
-    }
-}
-
-/// The hits of one mesh, as hits of a part.
-fn of_part(part: usize) -> impl Fn(Hit) -> PartHit {
-    move |hit| PartHit { part, hit }
-}
-
-impl RayQuery for BruteForce {
-    type Hit = PartHit;
-
-    fn intersect(&self, ray: &Ray) -> Option<PartHit> {
-        let parts = self.meshes.iter().enumerate();
-        let found =
-            parts.filter_map(|(part, mesh)| brute_force::intersect(mesh, ray).map(of_part(part)));
-        // The lower part wins among equal distances.
-        found.reduce(|best, next| if next.hit.t < best.hit.t { next } else { best })
-    }
-
-    fn occluded(&self, ray: &Ray) -> bool {
-        let mut meshes = self.meshes.iter();
-        meshes.any(|mesh| brute_force::occluded(mesh, ray))
-    }
-
-    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<PartHit>) {
-        out.clear();
-        for (part, mesh) in self.meshes.iter().enumerate() {
-            let mut found = Vec::new();
-            brute_force::hits(mesh, ray, max, &mut found);
-            out.extend(found.into_iter().map(of_part(part)));
-        }
-        // The sort is stable, so the lower part stays first among equal distances.
-        out.sort_by(|a, b| a.hit.t.total_cmp(&b.hit.t));
-        out.truncate(max);
-    }
 }
 
 fn golden(name: &str) -> PathBuf {
@@ -173,6 +117,21 @@ fn difference(a: &Picture, b: &image::RgbImage) -> (f64, usize) {
     (sum / f64::from(b.width() * b.height()), far)
 }
 
+/// Compares a picture with the golden image of that name.
+pub(crate) fn check_golden(name: &str, ours: &Picture) {
+    let path = golden(name);
+    if std::env::var("KD_GOLDEN").as_deref() == Ok("write") {
+        ours.save(&path).expect("a written file");
+    }
+    let known = image::open(&path).expect("a golden image").to_rgb8();
+    let (mean, far) = difference(ours, &known);
+    // Sines and powers differ in the last digits between platforms, so rays near edges may hit another surface.
+    assert!(
+        mean < 0.5 && far <= 15,
+        "{name}: mean difference {mean} of 255, {far} pixels differ visibly"
+    );
+}
+
 #[test]
 fn pictures_match_golden_images() {
     let scenes = [
@@ -189,17 +148,7 @@ fn pictures_match_golden_images() {
             ..small()
         };
         let ours = picture(stage, &options).picture;
-        let path = golden(name);
-        if std::env::var("KD_GOLDEN").as_deref() == Ok("write") {
-            ours.save(&path).expect("a written file");
-        }
-        let known = image::open(&path).expect("a golden image").to_rgb8();
-        let (mean, far) = difference(&ours, &known);
-        // Sines and powers differ in the last digits between platforms, so rays near edges may hit another surface.
-        assert!(
-            mean < 0.5 && far <= 15,
-            "{name}: mean difference {mean} of 255, {far} pixels differ visibly"
-        );
+        check_golden(name, &ours);
         // A test of every triangle gives the same picture, bit for bit, with as many rays.
         let thumbnail = RenderOptions {
             width: 24,
