@@ -79,9 +79,8 @@ enum Query {
     ParFiltered,
 }
 
-/// Comparisons of every query with brute force: of single rays, and of batches.
-const SINGLE: &str = "kd::oracle::queries_of_all_hits_on_every_scene_equal_brute_force";
-const TOGETHER: &str = "kd-trace::trace::trials::batches_and_packets_answer_as_single_rays";
+/// The test that compares every query of trees with brute force.
+const OF_TREES: &str = "kd::oracle::queries_of_all_hits_on_every_scene_equal_brute_force";
 /// Hits that a query of the first ones asks for.
 const FIRST: usize = kd_rivals::FIRST;
 
@@ -138,19 +137,6 @@ impl Query {
             Self::ParCount => "`par_count_hits_batch`",
             Self::ParFiltered => "`par_intersect_filtered_batch`",
         }
-    }
-
-    /// The test that compares it with brute force.
-    fn test(self) -> &'static str {
-        if self.is_batch() { TOGETHER } else { SINGLE }
-    }
-
-    fn is_batch(self) -> bool {
-        let place = Self::ALL.iter().position(|query| *query == self);
-        let first = Self::ALL
-            .iter()
-            .position(|query| *query == Self::IntersectBatch);
-        place >= first
     }
 
     /// What its time is compared with: a batch on all threads with the batch on one, any other with the closest hit.
@@ -385,18 +371,44 @@ pub(crate) fn run(arguments: &QueriesArgs) -> anyhow::Result<bool> {
             KdTree::build(Arc::clone(&mesh), &options)
         };
         let wide = tree(Layout::Wide)?;
-        measure.structure("kd-tree, wide", &wide, &mut rows);
+        measure.structure(["kd-tree, wide", OF_TREES], &wide, &mut rows);
         if let Some(rival) = &rival {
             measure.rival(&wide, rival, &mut rows);
         }
-        measure.structure("kd-tree, binary", &tree(Layout::Binary)?, &mut rows);
+        measure.structure(
+            ["kd-tree, binary", OF_TREES],
+            &tree(Layout::Binary)?,
+            &mut rows,
+        );
         let (frame, shared) = (copied(&mesh)?, shared(&mesh)?);
-        measure.structure("scene", &*frame, &mut rows);
-        measure.structure("scene, shared trees", &*shared, &mut rows);
+        measure.structure(
+            [
+                "scene",
+                "kd::sight::masks_and_culling_hold_for_every_query_of_every_strategy",
+            ],
+            &*frame,
+            &mut rows,
+        );
+        measure.structure(
+            [
+                "scene, shared trees",
+                "kd::instances::shared_trees_answer_as_copies",
+            ],
+            &*shared,
+            &mut rows,
+        );
         let lazy = LazyTree::new(Arc::clone(&mesh), &BuildOptions::balanced())?;
-        measure.structure("lazy tree", &lazy, &mut rows);
+        measure.structure(
+            ["lazy tree", "kd::lazy::every_query_equals_brute_force"],
+            &lazy,
+            &mut rows,
+        );
         let grid = UniformGrid::build(Arc::clone(&mesh), &GridOptions::new())?;
-        measure.structure("grid", &grid, &mut rows);
+        measure.structure(
+            ["grid", "crates/kd-grid/tests/grid/trials.rs"],
+            &grid,
+            &mut rows,
+        );
     }
     println!("{}", table(&rows));
     println!(
@@ -468,7 +480,12 @@ struct Measure<'a> {
 
 impl Measure<'_> {
     /// Every query of a structure over the plain one.
-    fn structure<Q: RayQuery + Sync>(&self, name: &str, structure: &Q, rows: &mut Vec<Row>) {
+    fn structure<Q: RayQuery + Sync>(
+        &self,
+        [name, test]: [&str; 2],
+        structure: &Q,
+        rows: &mut Vec<Row>,
+    ) {
         let per_ray = 1e9 / self.rays.len() as f64;
         for query in Query::ALL {
             let mut answers = [
@@ -487,7 +504,7 @@ impl Measure<'_> {
             rows.push(Row {
                 structure: name.to_owned(),
                 query: query.name().to_owned(),
-                test: query.test().to_owned(),
+                test: test.to_owned(),
                 query_ns,
                 plain_ns,
                 ..self.head.copy()

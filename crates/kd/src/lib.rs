@@ -62,6 +62,13 @@
 //! | [`KdTree::hits`] | the first `max` hits, in order |
 //! | [`KdTree::intersect_batch`], [`KdTree::occluded_batch`] | the same for many rays, faster where neighbors are coherent |
 //! | [`KdTree::intersect8`], [`KdTree::occluded8`] | the same for a [`RayPacket8`], eight rays in lanes |
+//! | [`KdTree::count_hits`], [`KdTree::hits_behind`], [`KdTree::each_hit`] | how many hits there are; the next ones behind a hit; one after another |
+//! | [`KdTree::intersect_filtered`], [`KdTree::occluded_filtered`], [`KdTree::hits_filtered`] | only hits that a closure [accepts](Verdict), which gets them in order |
+//! | [`KdTree::hits_batch`], [`KdTree::count_hits_batch`] | all hits or counts of many rays, as [`HitLists`] |
+//! | [`KdTree::par_intersect_batch`] and other `par_` forms | each batch on all threads |
+//!
+//! [`Ray::culling`] passes through the backs or the fronts of triangles, and [`Ray::mask`] through parts of a [`Scene`] that share
+//! no bit with it ([`Scene::set_mask`]); in every query.
 //!
 //! The trait [`RayQuery`] has the same queries for every structure here. No ray value causes a panic: NaN, infinities, a zero
 //! direction and an inverted range are misses.

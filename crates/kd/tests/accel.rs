@@ -108,7 +108,7 @@ fn meshes_of_no_and_of_one_triangle_are_decided() {
         for rays in [0, 1000, u64::MAX] {
             let accel = Accel::auto(mesh.clone(), RayBudget::new(rays)).expect("built");
             let ray = Ray::new([0.2, 0.2, 5.0], [0.0, 0.0, -1.0]);
-            let expected = kd_trace::brute_force::intersect(&mesh, &ray);
+            let expected = brute_force::intersect(&mesh, &ray);
             assert_eq!(accel.intersect(&ray), expected, "{accel}");
         }
     }

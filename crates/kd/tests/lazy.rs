@@ -9,7 +9,7 @@ use fastrand::Rng;
 use kd::glam::Vec3;
 use kd::tree::{Axis, NodeView};
 use kd::{BuildError, BuildOptions, Hit, KdTree, LazyTree, Mesh, Method, Ray};
-use kd_oracle::effort;
+use kd_oracle::{check_batch, check_ray, effort};
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::{rays_for, vertex_of};
@@ -87,7 +87,6 @@ fn every_query_equals_brute_force() {
 }
 
 fn every_query_of_a_scene_equals_brute_force(scene: Spd, size: u32) {
-    let (mut found, mut all) = (Vec::new(), Vec::new());
     let mesh = mesh_of(scene, size);
     let mut rays = rays_for(&mesh, RAYS, 1);
     let half = RAYS_ON_PLANES / 2;
@@ -120,11 +119,17 @@ fn every_query_of_a_scene_equals_brute_force(scene: Spd, size: u32) {
                 assert!(!closest.occluded(&before), "{what}: {before:?}");
             }
         }
-        for (i, ray) in rays.iter().enumerate().step_by(49) {
-            let max = [1, 2, 4, usize::MAX][i % 4];
-            ordered.hits(ray, max, &mut found);
-            brute_force::hits(&mesh, ray, max, &mut all);
-            assert_eq!(found, all, "{what}: first {max} hits of {ray:?}");
+        // Every query, filters and batches on all threads included.
+        let some: Vec<Ray> = rays.iter().copied().step_by(49).collect();
+        let all_hits = some.iter().map(|ray| {
+            let mut hits = Vec::new();
+            brute_force::hits(&mesh, ray, usize::MAX, &mut hits);
+            hits
+        });
+        let all_hits: Vec<Vec<Hit>> = all_hits.collect();
+        check_batch(&what, &ordered, &some, &all_hits);
+        for (ray, hits) in some.iter().zip(&all_hits) {
+            check_ray(&what, &ordered, ray, hits);
         }
         for tree in [closest, any, ordered] {
             let opened = tree.opened();
