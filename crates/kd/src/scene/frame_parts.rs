@@ -122,9 +122,7 @@ impl FrameParts {
     /// The slot of a triangle of a part. For a part that is not in the frame, the last slot before those of the next part; `None`
     /// if there is none.
     pub(super) fn slot_of(&self, id: PartId, triangle: u32) -> Option<u32> {
-        let Some(number) = self.group_of(id) else {
-            return None;
-        };
+        let number = self.group_of(id)?;
         let members = &self.groups[number].members;
         match members.ids.binary_search(&id) {
             Ok(place) => Some(members.first_slots[place].saturating_add(triangle)),

@@ -73,7 +73,7 @@ impl Sights {
     #[inline]
     pub(super) fn sees_all(&self, ray: &Ray) -> bool {
         (ray.mask & self.common != 0 || self.has_bit_of_each(ray.mask))
-            && !(self.has_own_sides && !ray.culling.is_none())
+            && (!self.has_own_sides || ray.culling.is_none())
     }
 
     fn has_bit_of_each(&self, mask: u32) -> bool {
