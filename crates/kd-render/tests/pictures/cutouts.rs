@@ -7,6 +7,7 @@ use kd::glam::{DAffine3, Vec3};
 use kd::{BuildOptions, MergeMethod, Ray, Strategy};
 use kd_render::{PartHit, RenderMethod, RenderOptions, Stage, Tracer, render};
 use kd_scene::{AffOptions, AlphaMode, Camera, SceneDescription, load_scene};
+use kd_trace::RayQuery;
 
 use crate::brute_force::BruteForce;
 use crate::{check_golden, picture, small};
@@ -191,16 +192,41 @@ fn a_texture_of_opacity_makes_holes_where_it_is_black() {
     assert!(leaf.x > 0.2 && leaf.y == 0.0, "red on the right: {leaf}");
 }
 
+#[test]
+fn parts_that_were_hidden_keep_their_hits_in_order() {
+    // Two triangles in one place; the first is hidden for a while.
+    let text = "l 5 5 5 a 0 3 4 k one { visibility 2 1 0 2 1 } k two { visibility 1 0 1 }
+        x one { p 3 -1 -1 0 1 -1 0 0 1 0 } x two { p 3 -1 -1 0 1 -1 0 0 1 0 }
+        v from 0 0 4 at 0 0 0 up 0 1 0 angle 60 hither 0.1 resolution 4 4";
+    let mut stage = crate::stage(text, 0.0);
+    let ray = Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]);
+    for (time, expected) in [(0.0, 2), (1.5, 1), (2.5, 2)] {
+        stage.show(time).expect("finite positions");
+        let tracer = stage.tracer();
+        let mut all = Vec::new();
+        tracer.hits(&ray, usize::MAX, &mut all);
+        assert_eq!(all.len(), expected, "{time} s");
+        let one_by_one: Vec<PartHit> = tracer.each_hit(&ray).collect();
+        assert_eq!(one_by_one, all, "{time} s");
+        for last in &all {
+            let mut behind = Vec::new();
+            let absent = PartHit { part: 9, ..*last };
+            tracer.hits_behind(&ray, &absent, usize::MAX, &mut behind);
+            assert_eq!(behind, all, "no part is before all parts");
+        }
+    }
+}
+
 /// Answers batches of two queries, and nothing else.
 struct Narrow<'a>(kd_render::FrameTracer<'a>);
 
 impl Tracer for Narrow<'_> {
     fn intersect(&self, rays: &[Ray], hits: &mut [Option<PartHit>]) {
-        self.0.intersect(rays, hits);
+        self.0.intersect_batch(rays, hits);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.0.occluded(rays, occluded);
+        self.0.occluded_batch(rays, occluded);
     }
 }
 
