@@ -79,31 +79,35 @@ impl PrimitiveHit {
     }
 }
 
-/// Implements the trait for a pointer to primitives.
-macro_rules! primitives_behind {
-    ($($pointer:ty),*) => {$(
-        impl<P: Primitives + Send + ?Sized> Primitives for $pointer {
-            fn count(&self) -> u32 {
-                (**self).count()
-            }
-
-            fn bounds(&self, primitive: u32) -> Aabb {
-                (**self).bounds(primitive)
-            }
-
-            fn clipped_bounds(&self, primitive: u32, cell: &Aabb) -> Option<Aabb> {
-                (**self).clipped_bounds(primitive, cell)
-            }
-
-            #[inline]
-            fn intersect(&self, primitive: u32, ray: &Ray) -> Option<PrimitiveHit> {
-                (**self).intersect(primitive, ray)
-            }
+/// The methods of a pointer to primitives.
+macro_rules! those_behind {
+    () => {
+        fn count(&self) -> u32 {
+            (**self).count()
         }
-    )*};
+
+        fn bounds(&self, primitive: u32) -> Aabb {
+            (**self).bounds(primitive)
+        }
+
+        fn clipped_bounds(&self, primitive: u32, cell: &Aabb) -> Option<Aabb> {
+            (**self).clipped_bounds(primitive, cell)
+        }
+
+        #[inline]
+        fn intersect(&self, primitive: u32, ray: &Ray) -> Option<PrimitiveHit> {
+            (**self).intersect(primitive, ray)
+        }
+    };
 }
 
-primitives_behind!(&P, Arc<P>);
+impl<P: Primitives + ?Sized> Primitives for &P {
+    those_behind!();
+}
+
+impl<P: Primitives + Send + ?Sized> Primitives for Arc<P> {
+    those_behind!();
+}
 
 /// Asks the primitives that a walk visits for their hits with a ray, and gives them to a collector.
 ///
