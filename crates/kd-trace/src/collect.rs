@@ -24,13 +24,13 @@ pub trait Collect {
 /// Knows how far along a ray anything matters.
 pub(crate) trait Limited {
     /// Nothing beyond this `t` matters; what is at it may.
-    fn limit(&self) -> f32;
+    fn farthest(&self) -> f32;
 }
 
 impl<C: Collect> Limited for C {
     #[inline(always)]
-    fn limit(&self) -> f32 {
-        Collect::limit(self)
+    fn farthest(&self) -> f32 {
+        self.limit()
     }
 }
 

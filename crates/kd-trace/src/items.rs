@@ -22,7 +22,7 @@ pub(crate) struct Items<'v, V>(pub(crate) &'v mut V);
 
 impl<V: VisitItem> Limited for Items<'_, V> {
     #[inline(always)]
-    fn limit(&self) -> f32 {
+    fn farthest(&self) -> f32 {
         self.0.limit()
     }
 }

@@ -15,7 +15,6 @@ use curve::{Curve, Curves};
 use kd::custom::PrimitiveTree;
 use kd::glam::Vec3;
 use kd::{BuildOptions, Ray, RayQuery, offset_origin};
-use kd_oracle::rng::Rng;
 use kd_scene::Camera;
 
 /// Blades of grass.
@@ -35,17 +34,18 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Blades that bend in the wind, thin at their tips.
 fn meadow() -> Curves {
-    let mut rng = Rng(7);
+    let mut rng = fastrand::Rng::with_seed(7);
+    let mut signed = move || 2.0 * rng.f32() - 1.0;
     let wind = Vec3::new(0.10, 0.02, 0.0);
     let blade = |_| {
         let root = loop {
-            let at = rng.vec3().with_z(0.0);
+            let at = Vec3::new(signed(), signed(), 0.0);
             if at.length() <= 1.0 {
                 break at;
             }
         };
-        let height = rng.between(0.12, 0.3);
-        let bend = wind + 0.12 * rng.vec3().with_z(0.0);
+        let height = 0.21 + 0.09 * signed();
+        let bend = wind + 0.12 * Vec3::new(signed(), signed(), 0.0);
         let up = Vec3::Z * height;
         let points = [
             root,

@@ -128,7 +128,7 @@ pub(crate) fn walk<C: Limited, W: Walkable<C>, P: Probe>(
         if tree.visit(node, &test, collector, probe).is_break() {
             return;
         }
-        let limit = planes.steps(collector.limit());
+        let limit = planes.steps(collector.farthest());
         loop {
             let Some(next) = stack.pop() else {
                 return;

@@ -73,7 +73,7 @@ pub(crate) fn walk<V: VisitBlocks, P: Probe>(
             if visitor.visit(ray, blocks, probe).is_break() {
                 return;
             }
-            limit = min(ray.steps(visitor.limit()), end);
+            limit = min(ray.steps(visitor.farthest()), end);
         } else {
             probe.node();
             // SAFETY: the child of a subtree or of a node; and no leaf.
