@@ -15,6 +15,7 @@ use crate::queries::QueriesArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::results::ResultsArgs;
 use crate::scene_table::SceneTableArgs;
+use crate::spheres::SpheresArgs;
 use crate::sweep::BenchArgs;
 
 /// Measures kd-trees: builds, rays, memory, and the correctness of answers.
@@ -54,6 +55,8 @@ pub(crate) enum Command {
     ///
     /// With --scenes and no --scene: the four scans of the goals, two rooms and a city.
     Structures(SceneTableArgs),
+    /// Print the speed of rays through spheres of a program's own, over Embree's user geometry, with goals
+    Spheres(SpheresArgs),
     /// Reproduce a table of one of the papers, beside our figures
     Paper(Box<PaperArgs>),
     /// Count instructions per ray, which do not depend on the load of the machine

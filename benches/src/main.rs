@@ -4,8 +4,8 @@
 //! Every command measures cells ([`record`]) of a scene ([`session`]) and prints views of them ([`view`], [`summary`]). Modules
 //! import from those below: commands, then session, workload and structures, then record, names and helpers.
 //!
-//! Started by `cargo xtask bench | builds | files | first-ray | rays | merges | structures | paper | instructions | report | calibrate | compare |
-//! results`.
+//! Started by `cargo xtask bench | builds | files | first-ray | rays | merges | structures | spheres | paper | instructions | report | calibrate |
+//! compare | results`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -44,6 +44,7 @@ mod scene_table;
 mod scene_views;
 mod scenes;
 mod session;
+mod spheres;
 mod structure;
 mod structures;
 mod summary;
@@ -70,6 +71,7 @@ fn main() -> ExitCode {
         Command::Queries(arguments) => queries::run(&arguments),
         Command::Merges(arguments) => merges::run(&arguments),
         Command::Structures(arguments) => structures::run(&arguments),
+        Command::Spheres(arguments) => spheres::run(&arguments),
         Command::Paper(arguments) => paper::run(&arguments),
         Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),

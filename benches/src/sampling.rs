@@ -28,7 +28,7 @@ impl Random {
     }
 
     /// Uniform in [-1, 1), in steps of 2⁻²³.
-    fn signed_unit(&mut self) -> f32 {
+    pub(crate) fn signed_unit(&mut self) -> f32 {
         const STEP: f32 = 1.0 / (1 << 23) as f32;
         (self.next_u64() >> 40) as f32 * STEP - 1.0
     }

@@ -74,6 +74,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("structures", arguments),
     },
     Command {
+        name: "spheres",
+        arguments: "[OPTIONS]",
+        help: "measure rays through primitives of a program's own, over Embree's user geometry (`spheres --help`)",
+        run: |arguments| bench::with_rivals("spheres", arguments),
+    },
+    Command {
         name: "paper",
         arguments: "TABLE [OPTIONS]",
         help: "reproduce a table of one of the papers (`paper --help` lists them)",

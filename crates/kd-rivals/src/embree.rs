@@ -6,12 +6,13 @@ use std::array;
 use std::time::Instant;
 
 use kd_core::{Hit, Mesh, Ray, RayPacket8};
-use kd_trace::RayQuery;
+use kd_trace::{Primitives, RayQuery};
 
 use crate::queries::restarted_hits;
 use crate::{Built, Bytes, EmbreeBuild, FIRST, Following, Moving, Purpose, Queries, RivalError};
 use api::{
-    Embree, Hit1, Input, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8, Scene, SceneFlags, Version,
+    Committed, Embree, Geometry, Hit1, Input, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8,
+    Scene, SceneFlags, Version,
 };
 
 /// The name of the library with its version.
@@ -65,6 +66,73 @@ fn committed<V: Version>(input: Input<V>, purpose: Purpose) -> Result<Built, Riv
         seconds,
         bytes,
     })
+}
+
+/// The clock covers the commit of the scene, for which Embree asks for the boxes.
+pub(crate) fn build_primitives<P: Primitives + Send + 'static>(
+    primitives: P,
+    threads: usize,
+) -> Result<Built, RivalError> {
+    match api::library()? {
+        Embree::V3(functions) => committed_primitives(Geometry::new(
+            functions,
+            primitives,
+            Quality::Medium,
+            threads,
+        )?),
+        Embree::V4(functions) => committed_primitives(Geometry::new(
+            functions,
+            primitives,
+            Quality::Medium,
+            threads,
+        )?),
+    }
+}
+
+fn committed_primitives<V: Version, P: Primitives + Send + 'static>(
+    geometry: Geometry<V, P>,
+) -> Result<Built, RivalError> {
+    let start = Instant::now();
+    let structure = geometry.commit()?;
+    let seconds = start.elapsed().as_secs_f64();
+    let bytes = Bytes {
+        peak: structure.scene.peak_bytes,
+        kept: structure.scene.bytes,
+    };
+    Ok(Built {
+        structure: Box::new(structure),
+        seconds,
+        bytes,
+    })
+}
+
+/// One ray at a time: the functions of primitives are for one.
+impl<V: Version, P: Primitives + Send> RayQuery for Committed<V, P> {
+    type Hit = Hit;
+
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        self.scene.intersect(ray)
+    }
+
+    #[inline]
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.scene.occluded(ray)
+    }
+
+    fn hits(&self, ray: &Ray, max: usize, out: &mut Vec<Hit>) {
+        restarted_hits(&self.scene, ray, max, out);
+    }
+}
+
+impl<V: Version, P: Primitives + Send> Queries for Committed<V, P> {
+    fn intersect_each(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.scene.intersect_each(rays, hits);
+    }
+
+    fn occluded_each(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.scene.occluded_each(rays, occluded);
+    }
 }
 
 /// A scene of a static and a moving mesh.

@@ -44,6 +44,7 @@ mod queries;
 #[cfg(feature = "tinybvh")]
 use crates::tinybvh;
 use kd_core::Mesh;
+use kd_trace::Primitives;
 #[cfg(not(feature = "crates"))]
 use missing::crates;
 #[cfg(not(feature = "embree"))]
@@ -195,6 +196,19 @@ impl Rival {
             Self::Tinybvh(build) => tinybvh::build(build, mesh, options),
         }
     }
+}
+
+/// Builds an Embree scene of primitives (*user geometry*) by its medium quality: Embree calls their functions in Rust. Rays are traced
+/// one at a time.
+///
+/// # Errors
+///
+/// If Embree is not compiled in or not installed, or if it fails.
+pub fn embree_of_primitives<P: Primitives + Send + 'static>(
+    primitives: P,
+    threads: usize,
+) -> Result<Built, RivalError> {
+    embree::build_primitives(primitives, threads)
 }
 
 /// An Embree scene of a static and a moving mesh.

@@ -57,6 +57,10 @@ pub(crate) mod embree {
         Err(MISSING)
     }
 
+    pub(crate) fn build_primitives<P>(_: P, _: usize) -> Result<Built, RivalError> {
+        Err(MISSING)
+    }
+
     pub(crate) fn follow(_: Following, _: &Mesh, _: &Mesh) -> Result<Box<dyn Moving>, RivalError> {
         Err(MISSING)
     }

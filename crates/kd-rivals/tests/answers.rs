@@ -1,13 +1,13 @@
 //! Every rival answers like brute force, within the tolerance of its own triangle test.
 #![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
-use kd_core::{Hit, Mesh, Ray, RayPacket8};
+use kd_core::{Aabb, Hit, Mesh, Ray, RayPacket8};
 use kd_oracle::scenes;
 use kd_rivals::{
     EmbreeBuild, FIRST, Following, ObvhsBuild, Options, Purpose, Queries, Rival, RivalError,
-    TinybvhBuild,
+    TinybvhBuild, embree_of_primitives,
 };
-use kd_trace::brute_force;
+use kd_trace::{PrimitiveHit, Primitives, brute_force};
 
 const RIVALS: [Rival; 12] = [
     Rival::Embree(EmbreeBuild::Low, Purpose::Usual),
@@ -130,6 +130,63 @@ fn check(rival: &str, structure: &dyn Queries, mesh: &Mesh, rays: &[Ray]) {
         assert_eq!(structure.occluded8(&packet), hits, "{rival}");
         assert!(!hits[7], "{rival}: a lane without a ray");
     }
+}
+
+/// Squares of side 2 across the x axis.
+struct Squares(Vec<f32>);
+
+impl Primitives for Squares {
+    fn count(&self) -> u32 {
+        u32::try_from(self.0.len()).expect("few")
+    }
+
+    fn bounds(&self, square: u32) -> Aabb {
+        let x = self.0[square as usize];
+        Aabb {
+            min: [x, -1.0, -1.0].into(),
+            max: [x, 1.0, 1.0].into(),
+        }
+    }
+
+    fn intersect(&self, square: u32, ray: &Ray) -> Option<PrimitiveHit> {
+        let t = (self.0[square as usize] - ray.origin.x) / ray.direction.x;
+        let point = ray.at(t);
+        let is_hit = ray.t_min <= t && t <= ray.t_max && point.y.abs().max(point.z.abs()) <= 1.0;
+        is_hit.then_some(PrimitiveHit {
+            t,
+            u: point.y,
+            v: point.z,
+        })
+    }
+}
+
+#[test]
+fn embree_asks_primitives_of_the_program() {
+    let places = vec![0.5, -2.0, 1.5, 0.0, 1.0];
+    let rival = Rival::Embree(EmbreeBuild::Medium, Purpose::Usual);
+    let Some(scene) = built(rival, embree_of_primitives(Squares(places.clone()), 1)) else {
+        return;
+    };
+    let squares = Squares(places);
+    let rays = rays();
+    let mut hits = vec![None; rays.len()];
+    let mut occluded = vec![false; rays.len()];
+    scene.structure.intersect_each(&rays, &mut hits);
+    scene.structure.occluded_each(&rays, &mut occluded);
+    let mut count = 0;
+    for ((ray, found), occluded) in rays.iter().zip(hits).zip(occluded) {
+        let all = (0..squares.count()).filter_map(|triangle| {
+            let PrimitiveHit { t, u, v } = squares.intersect(triangle, ray)?;
+            Some(Hit { t, u, v, triangle })
+        });
+        let first = all.reduce(|a, b| if b.is_before(&a) { b } else { a });
+        assert_eq!(found, first, "{ray:?}");
+        assert_eq!(scene.structure.intersect(ray), first, "{ray:?}");
+        assert_eq!(occluded, first.is_some(), "{ray:?}");
+        assert_eq!(scene.structure.occluded(ray), first.is_some(), "{ray:?}");
+        count += usize::from(first.is_some());
+    }
+    assert!(count > 50 && count < rays.len(), "{count} are hit");
 }
 
 #[test]

@@ -21,6 +21,19 @@ pub trait Collect {
     }
 }
 
+/// Knows how far along a ray anything matters.
+pub(crate) trait Limited {
+    /// Nothing beyond this `t` matters; what is at it may.
+    fn farthest(&self) -> f32;
+}
+
+impl<C: Collect> Limited for C {
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        self.limit()
+    }
+}
+
 /// Keeps the first of two hits.
 #[inline(always)]
 pub(crate) fn keep_first(best: &mut Option<Hit>, hit: Hit) {

@@ -14,10 +14,10 @@ use kd_wide::{Frame, WideBoxes, WideTree};
 use crate::binary::packed::PackedTree;
 use crate::binary::walk::{self, Begin};
 use crate::collect::{Any, Closest, Collect, keep_first};
+use crate::items::VisitItem;
 use crate::probe::Probe;
 use crate::wide;
 use crate::wide::batch_ray::BatchRay;
-use crate::wide::boxes::VisitItem;
 use crate::wide::placed::InPlaced;
 use crate::wide::subtree::Subtree;
 

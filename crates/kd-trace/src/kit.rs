@@ -1,7 +1,8 @@
 //! Pieces for other structures over a mesh, so that their answers equal those of these trees to the bit: the triangle test, the
 //! collectors of hits, and the bound of every error between a plane and a reported hit.
 //!
-//! [`walk_boxes`] finds the items of any kind whose boxes a ray meets.
+//! [`walk_boxes`] finds the items of any kind whose boxes a ray meets, and [`walk_references`] those in the cells of a kd-tree.
+//! [`AskPrimitives`] asks them for hits.
 //!
 //! The example is a structure of one box. Grids and bounding volume hierarchies use the pieces in the same way.
 //!
@@ -39,11 +40,14 @@ use crate::PackedTree;
 use crate::dispatch::{hits_in_placed, hits_of_one};
 use crate::wide::placed::InPlaced;
 
+pub use crate::binary::references::walk_references;
 pub use crate::collect::{Any, Closest, Collect, Ordered};
+pub use crate::items::VisitItem;
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
+pub use crate::primitives::AskPrimitives;
 pub use crate::probe::Probe;
 pub use crate::triangle::TriangleTest;
-pub use crate::wide::boxes::{VisitItem, walk_boxes};
+pub use crate::wide::boxes::walk_boxes;
 pub use crate::wide::placed::Placement;
 pub use kd_core::{Ray, RayPacket8};
 pub use kd_simd::{max, min};

@@ -66,6 +66,7 @@
 //! | `ray_query.rs`, `ray_hit.rs` | the query trait, and what it knows of hits |
 //! | `each_hit.rs`, `filtered.rs` | hits one after another, and filters |
 //! | `hit_lists.rs`, `parallel.rs` | the hits of many rays, and batches on all threads |
+//! | `items.rs`, `primitives.rs` | what a ray may meet that is no triangle, and its hits |
 //! | `brute_force.rs` | every triangle, one by one |
 //!
 //! # What is a hit
@@ -101,9 +102,11 @@ mod dispatch;
 mod each_hit;
 mod filtered;
 mod hit_lists;
+mod items;
 pub mod kit;
 mod parallel;
 mod planes;
+mod primitives;
 mod probe;
 mod ray_hit;
 mod ray_query;
@@ -122,5 +125,6 @@ pub use filtered::Verdict;
 pub use hit_lists::HitLists;
 pub use kd_simd::Level;
 pub use kd_wide::{Division, Join, Joined, Refit, WideForest, WideTree};
+pub use primitives::{PrimitiveHit, Primitives};
 pub use ray_hit::RayHit;
 pub use ray_query::RayQuery;

@@ -88,6 +88,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # Other primitives
+//!
+//! A [`PrimitiveTree`](custom::PrimitiveTree) has the queries of [`RayQuery`] over spheres, curves or any other primitives that say where
+//! they are and where a ray meets them: see [`custom`].
+//!
 //! # Moving parts
 //!
 //! A [`Scene`] has static and moving parts. A [`commit`](Scene::commit) makes a [`Frame`] of them, which has the same queries and
@@ -135,6 +140,7 @@
 mod accel;
 #[cfg(feature = "counters")]
 mod counters;
+pub mod custom;
 mod kd_tree;
 pub mod layout;
 mod lazy_tree;
@@ -196,81 +202,6 @@ pub mod select {
     };
 
     pub use crate::accel::{AccelError, Decision, DecisionReason};
-}
-
-/// kd-trees over primitives other than triangles.
-///
-/// Implement [`PrimSource`](custom::PrimSource), and [`build`](custom::build) returns a [`Tree`](tree::Tree): nodes, and the
-/// numbers of the primitives in each leaf. Rays and other queries over it are the caller's: kd itself traces triangles only. A
-/// query descends from [`Tree::root`](tree::Tree::root) through [`Tree::nodes`](tree::Tree::nodes), whose
-/// [`view`](tree::Node::view) is a plane with two children or a leaf, and tests the primitives of
-/// [`Tree::leaf_refs`](tree::Tree::leaf_refs):
-///
-/// ```
-/// use kd::custom::{PrimSource, build};
-/// use kd::glam::Vec3;
-/// use kd::tree::{NodeView, Tree};
-/// use kd::{Aabb, BuildOptions};
-///
-/// /// Spheres, each a center and a radius.
-/// struct Spheres(Vec<(Vec3, f32)>);
-///
-/// impl PrimSource for Spheres {
-///     type Shape = Aabb;
-///
-///     fn count(&self) -> u32 {
-///         u32::try_from(self.0.len()).expect("few")
-///     }
-///
-///     fn bounds(&self, primitive: u32) -> Aabb {
-///         let (center, radius) = self.0[primitive as usize];
-///         Aabb { min: center - radius, max: center + radius }
-///     }
-///
-///     fn shape(&self, primitive: u32) -> Aabb {
-///         self.bounds(primitive)
-///     }
-///
-///     fn clipped_bounds(&self, shape: &Aabb, cell: &Aabb) -> Option<Aabb> {
-///         let clipped = shape.intersection(cell);
-///         (!clipped.is_empty()).then_some(clipped)
-///     }
-/// }
-///
-/// /// The spheres that contain a point, which is inside the tree's bounds.
-/// fn containing(spheres: &Spheres, tree: &Tree, point: Vec3) -> Vec<u32> {
-///     let mut at = tree.root();
-///     loop {
-///         let node = tree.nodes()[at.index()];
-///         match node.view() {
-///             NodeView::Interior { axis, split, first } => {
-///                 let is_upper = point[axis.index()] > split;
-///                 at = if is_upper { first.sibling() } else { first };
-///             }
-///             NodeView::Leaf { .. } => {
-///                 let numbers = tree.leaf_refs(node).iter().map(|slot| slot.0);
-///                 return numbers
-///                     .filter(|&number| {
-///                         let (center, radius) = spheres.0[number as usize];
-///                         center.distance(point) <= radius
-///                     })
-///                     .collect();
-///             }
-///         }
-///     }
-/// }
-///
-/// let row = (0..100_u8).map(|i| (Vec3::new(f32::from(i), 0.0, 0.0), 0.75));
-/// let spheres = Spheres(row.collect());
-/// let tree = build(&spheres, &BuildOptions::balanced())?;
-/// let mut found = containing(&spheres, &tree, Vec3::new(41.5, 0.1, 0.0));
-/// found.sort_unstable();
-/// assert_eq!(found, [41, 42]);
-/// # Ok::<(), kd::BuildError>(())
-/// ```
-pub mod custom {
-    pub use kd_core::PrimSource;
-    pub use kd_sah::build;
 }
 
 /// The examples of the README, compiled and run.

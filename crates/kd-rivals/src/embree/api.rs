@@ -10,6 +10,7 @@
 )]
 
 mod library;
+mod primitives;
 mod shared;
 mod v3;
 mod v4;
@@ -26,6 +27,7 @@ use library::Functions;
 use shared::{FilterArguments, Handle};
 
 pub(super) use library::{Embree, library};
+pub(super) use primitives::{Committed, Geometry};
 pub(super) use shared::{Hit1, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8, SceneFlags};
 
 /// The queries of a version of Embree: its functions whose arguments are those of no other version.
@@ -216,25 +218,7 @@ impl<V: Version> Input<V> {
         flags: SceneFlags,
         threads: usize,
     ) -> Result<Self, RivalError> {
-        let common = &functions.common;
-        let config = CString::new(format!("threads={threads},set_affinity=0"));
-        let config = config.expect("no 0 inside");
-        // SAFETY: the text ends with 0 and outlives the call, which copies it.
-        let device = unsafe { (common.new_device)(config.as_ptr()) };
-        ensure(!device.is_null(), "Embree creates no device")?;
-        // SAFETY: the device is valid; the function is callable from any thread and uses no data of its caller.
-        unsafe { (common.monitor_memory)(device, note_memory, ptr::null_mut()) };
-        // SAFETY: the device is valid.
-        let scene = unsafe { (common.new_scene)(device) };
-        let handles = Handles {
-            functions,
-            device,
-            scene,
-        };
-        // SAFETY: the scene is valid, and the quality one of its enumeration.
-        unsafe { (common.set_scene_quality)(scene, of_scene as c_int) };
-        // SAFETY: the scene is valid, and the flags are of its enumeration.
-        unsafe { (common.set_scene_flags)(scene, flags as c_int) };
+        let handles = Handles::new(functions, of_scene, flags, threads)?;
         // Embree has no empty buffers.
         if !mesh.is_empty() {
             handles.attach(mesh, of_mesh)?;
@@ -282,6 +266,35 @@ impl<V: Version> Input<V> {
 }
 
 impl<V: Version> Handles<V> {
+    /// A device with an empty scene.
+    fn new(
+        functions: &'static Functions<V>,
+        quality: Quality,
+        flags: SceneFlags,
+        threads: usize,
+    ) -> Result<Self, RivalError> {
+        let common = &functions.common;
+        let config = CString::new(format!("threads={threads},set_affinity=0"));
+        let config = config.expect("no 0 inside");
+        // SAFETY: the text ends with 0 and outlives the call, which copies it.
+        let device = unsafe { (common.new_device)(config.as_ptr()) };
+        ensure(!device.is_null(), "Embree creates no device")?;
+        // SAFETY: the device is valid; the function is callable from any thread and uses no data of its caller.
+        unsafe { (common.monitor_memory)(device, note_memory, ptr::null_mut()) };
+        // SAFETY: the device is valid.
+        let scene = unsafe { (common.new_scene)(device) };
+        let handles = Self {
+            functions,
+            device,
+            scene,
+        };
+        // SAFETY: the scene is valid, and the quality one of its enumeration.
+        unsafe { (common.set_scene_quality)(scene, quality as c_int) };
+        // SAFETY: the scene is valid, and the flags are of its enumeration.
+        unsafe { (common.set_scene_flags)(scene, flags as c_int) };
+        Ok(handles)
+    }
+
     /// Adds the mesh to the scene, and returns its geometry, which the scene keeps, and its vertex buffer.
     fn attach(&self, mesh: &Mesh, quality: Quality) -> Result<(Handle, *mut [f32; 3]), RivalError> {
         let common = &self.functions.common;

@@ -57,7 +57,7 @@ pub(crate) struct Indexed<'a> {
     pub(crate) mesh: &'a Mesh,
 }
 
-impl Walkable for Indexed<'_> {
+impl<C: Collect> Walkable<C> for Indexed<'_> {
     #[inline]
     fn bounds(&self) -> Aabb {
         self.tree.bounds()
@@ -74,7 +74,7 @@ impl Walkable for Indexed<'_> {
     }
 
     #[inline]
-    fn visit<C: Collect, P: Probe>(
+    fn visit<P: Probe>(
         &self,
         leaf: Node,
         test: &TriangleTest,

@@ -253,7 +253,7 @@ impl Range<'_> {
     }
 }
 
-impl Walkable for PackedTree {
+impl<C: Collect> Walkable<C> for PackedTree {
     #[inline(always)]
     fn bounds(&self) -> Aabb {
         self.bounds
@@ -270,7 +270,7 @@ impl Walkable for PackedTree {
     }
 
     #[inline(always)]
-    fn visit<C: Collect, P: Probe>(
+    fn visit<P: Probe>(
         &self,
         leaf: Node,
         test: &TriangleTest,

@@ -10,7 +10,7 @@ use arrayvec::ArrayVec;
 use kd_core::{Aabb, MAX_DEPTH, Node, NodeIndex, Ray};
 use kd_simd::{max, min};
 
-use crate::collect::Collect;
+use crate::collect::Limited;
 use crate::planes::{Frame, RayPlanes, Span};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
@@ -66,13 +66,13 @@ impl Begin for (&PreparedRay, Span) {
 }
 
 /// 8-byte nodes over some kind of leaves. Valid in the sense of [`Arena::freeze`](kd_core::Arena::freeze).
-pub(crate) trait Walkable {
+pub(crate) trait Walkable<C> {
     fn bounds(&self) -> Aabb;
     fn root(&self) -> NodeIndex;
     /// Child indices refer to this slice.
     fn nodes(&self) -> &[Node];
-    /// Gives the collector every hit of a leaf's triangles that it may want; breaks if it does.
-    fn visit<C: Collect, P: Probe>(
+    /// Gives the collector what it may want of a leaf: every hit of its triangles, or every item. Breaks if the collector does.
+    fn visit<P: Probe>(
         &self,
         leaf: Node,
         test: &TriangleTest,
@@ -81,11 +81,11 @@ pub(crate) trait Walkable {
     ) -> ControlFlow<()>;
 }
 
-/// Gives the collector every hit of the ray that it may want, some more than once, roughly front to back.
+/// Gives the collector what it may want of every leaf that the ray may meet, some more than once, roughly front to back.
 ///
 /// Always inlined, so that it is compiled for the level of its caller.
 #[inline(always)]
-pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
+pub(crate) fn walk<C: Limited, W: Walkable<C>, P: Probe>(
     tree: &W,
     ray: impl Begin,
     collector: &mut C,
@@ -128,7 +128,7 @@ pub(crate) fn walk<W: Walkable, C: Collect, P: Probe>(
         if tree.visit(node, &test, collector, probe).is_break() {
             return;
         }
-        let limit = planes.steps(collector.limit());
+        let limit = planes.steps(collector.farthest());
         loop {
             let Some(next) = stack.pop() else {
                 return;

@@ -31,11 +31,11 @@ use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
 use kd_wide::{Frame, WIDTH, WideBoxes};
 
-use super::boxes::VisitItem;
 use super::placed::InPlaced;
 use super::subtree::Subtree;
 use crate::collect::Collect;
 use crate::dispatch::TraceSimd;
+use crate::items::VisitItem;
 use crate::probe::Probe;
 use batch::Avx2BatchRay;
 use single::{Any, Closest};

@@ -12,21 +12,9 @@ use kd_wide::{Block, WIDTH, WideBoxes};
 use super::portable::PortableRay;
 use super::walk::VisitBlocks;
 use crate::dispatch::items_of_one;
+use crate::items::{Items, VisitItem};
 use crate::planes::Frame;
 use crate::probe::Probe;
-
-/// Receives the items whose boxes a ray may meet.
-pub trait VisitItem {
-    /// Whether the order of the items does not matter, because the first one that answers ends the search. Then
-    /// [`limit`](Self::limit) may be asked for only once.
-    const ANY: bool = false;
-
-    /// Boxes that the ray enters beyond this `t` do not matter; boxes that it enters at it may. It never grows.
-    fn limit(&self) -> f32;
-
-    /// Receives an item. Breaks if no other item can matter.
-    fn visit(&mut self, item: u32) -> ControlFlow<()>;
-}
 
 /// Calls [`visit`](VisitItem::visit) for every item whose box the ray may meet between `t_min` and `t_max`, and not beyond
 /// [`limit`](VisitItem::limit): each once, roughly from near to far.
@@ -70,16 +58,8 @@ pub fn walk_boxes<V: VisitItem>(boxes: &WideBoxes, frame: &Frame, ray: &Ray, vis
     items_of_one(boxes, frame, ray, visitor);
 }
 
-/// A visitor of the items in blocks.
-pub(crate) struct Items<'v, V>(pub(crate) &'v mut V);
-
 impl<V: VisitItem> VisitBlocks for Items<'_, V> {
     const ANY: bool = V::ANY;
-
-    #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.0.limit()
-    }
 
     #[inline(always)]
     fn visit<P: Probe>(

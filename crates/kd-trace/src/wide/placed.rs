@@ -31,7 +31,7 @@ use kd_wide::{Block, Frame, WideTree};
 use super::portable::PortableRay;
 use super::subtree::Subtree;
 use super::walk::{VisitBlocks, walk};
-use crate::collect::Collect;
+use crate::collect::{Collect, Limited};
 use crate::planes::RayPlanes;
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;
@@ -251,13 +251,15 @@ struct PlacedTriangles<'a, S, C> {
     collector: &'a mut C,
 }
 
-impl<S: Simd, C: Collect> VisitBlocks for PlacedTriangles<'_, S, C> {
-    const ANY: bool = C::ANY;
-
+impl<S, C: Collect> Limited for PlacedTriangles<'_, S, C> {
     #[inline(always)]
-    fn limit(&self) -> f32 {
+    fn farthest(&self) -> f32 {
         self.collector.limit()
     }
+}
+
+impl<S: Simd, C: Collect> VisitBlocks for PlacedTriangles<'_, S, C> {
+    const ANY: bool = C::ANY;
 
     #[inline(always)]
     fn visit<P: Probe>(

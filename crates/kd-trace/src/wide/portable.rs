@@ -8,13 +8,13 @@ use kd_wide::{Block, Child, WIDTH, WideBoxes, WideNode, WideTree};
 
 use super::batch::Query;
 use super::batch_ray::{BatchRay, Entry, IN_LANES};
-use super::boxes::{Items, VisitItem};
 use super::placed::InPlaced;
 use super::stack::Pending;
 use super::subtree::Subtree;
 use super::walk::walk;
 use crate::collect::{Any, Closest, Collect};
 use crate::dispatch::{NO_HIT, TraceSimd};
+use crate::items::{Items, VisitItem};
 use crate::planes::{Frame, RayPlanes};
 use crate::probe::Probe;
 use crate::triangle::TriangleTest;

@@ -17,16 +17,13 @@ use kd_wide::Block;
 use super::portable::PortableRay;
 use super::stack::Stack;
 use super::subtree::Subtree;
-use crate::collect::Collect;
+use crate::collect::{Collect, Limited};
 use crate::probe::Probe;
 
 /// What a ray does with the blocks of a leaf.
-pub(crate) trait VisitBlocks {
+pub(crate) trait VisitBlocks: Limited {
     /// Whether the first hit found ends the search.
     const ANY: bool;
-
-    /// Nothing beyond this `t` matters; what is at it may.
-    fn limit(&self) -> f32;
 
     /// Visits the blocks of a leaf. Breaks if nothing else can matter.
     fn visit<P: Probe>(
@@ -40,11 +37,6 @@ pub(crate) trait VisitBlocks {
 /// Blocks of triangles: the collector receives every hit that it may want.
 impl<C: Collect> VisitBlocks for C {
     const ANY: bool = C::ANY;
-
-    #[inline(always)]
-    fn limit(&self) -> f32 {
-        Collect::limit(self)
-    }
 
     #[inline(always)]
     fn visit<P: Probe>(
@@ -81,7 +73,7 @@ pub(crate) fn walk<V: VisitBlocks, P: Probe>(
             if visitor.visit(ray, blocks, probe).is_break() {
                 return;
             }
-            limit = min(ray.steps(visitor.limit()), end);
+            limit = min(ray.steps(visitor.farthest()), end);
         } else {
             probe.node();
             // SAFETY: the child of a subtree or of a node; and no leaf.

@@ -262,7 +262,7 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 13] = [
+const XTASK: [Options; 14] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
     options("files", [true, true, false], None),
@@ -270,6 +270,7 @@ const XTASK: [Options; 13] = [
     options("rays", [true, true, true], Some(Tool::Embree)),
     options("merges", [true, true, false], None),
     options("structures", [true, true, true], Some(Tool::Embree)),
+    options("spheres", [true, true, false], Some(Tool::Embree)),
     options("paper", [true, true, false], None),
     options("instructions", [false, false, false], Some(Tool::Valgrind)),
     options("report", [false, false, false], None),

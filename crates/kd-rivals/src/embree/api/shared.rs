@@ -9,6 +9,8 @@ pub(crate) const NOTHING: u32 = u32::MAX;
 pub(crate) const VERSION: c_int = 0;
 
 pub(crate) const TRIANGLES: c_int = 0;
+/// Geometries whose primitives are functions of the program.
+pub(crate) const PRIMITIVES: c_int = 120;
 pub(crate) const INDEX_BUFFER: c_int = 0;
 pub(crate) const VERTEX_BUFFER: c_int = 1;
 pub(crate) const THREE_UINTS: c_int = 0x5003;
@@ -124,6 +126,44 @@ pub(crate) struct FilterArguments {
     _rays: c_uint,
 }
 
+/// `RTCBounds`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct Bounds {
+    pub(crate) min: [f32; 4],
+    pub(crate) max: [f32; 4],
+}
+
+/// `RTCBoundsFunction`.
+pub(crate) type BoundsOf = unsafe extern "C" fn(*const BoundsArguments);
+
+/// `RTCBoundsFunctionArguments`.
+#[derive(Debug)]
+#[repr(C)]
+pub(crate) struct BoundsArguments {
+    pub(crate) geometry_data: *const c_void,
+    pub(crate) primitive: c_uint,
+    _time_step: c_uint,
+    pub(crate) bounds: *mut Bounds,
+}
+
+/// `RTCIntersectFunctionN` for `R` = [`RayHit1`], and `RTCOccludedFunctionN` for `R` = [`Ray1`].
+pub(crate) type HitOf<R> = unsafe extern "C" fn(*const HitArguments<R>);
+
+/// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`, for one ray.
+#[derive(Debug)]
+#[repr(C)]
+pub(crate) struct HitArguments<R> {
+    /// 0 where there is no ray.
+    pub(crate) valid: *const c_int,
+    pub(crate) geometry_data: *const c_void,
+    pub(crate) primitive: c_uint,
+    _context: *mut c_void,
+    pub(crate) ray: *mut R,
+    _rays: c_uint,
+    pub(crate) geometry: c_uint,
+}
+
 /// A table of functions of the library.
 macro_rules! functions {
     (
@@ -175,6 +215,11 @@ functions! {
     commit_geometry = b"rtcCommitGeometry" (Handle);
     update_buffer = b"rtcUpdateGeometryBuffer" (Handle, c_int, c_uint);
     attach_geometry = b"rtcAttachGeometry" (Handle, Handle) -> c_uint;
+    set_primitive_count = b"rtcSetGeometryUserPrimitiveCount" (Handle, c_uint);
+    set_geometry_data = b"rtcSetGeometryUserData" (Handle, *const c_void);
+    set_bounds = b"rtcSetGeometryBoundsFunction" (Handle, BoundsOf, *mut c_void);
+    set_intersect = b"rtcSetGeometryIntersectFunction" (Handle, HitOf<RayHit1>);
+    set_occluded = b"rtcSetGeometryOccludedFunction" (Handle, HitOf<Ray1>);
 }
 
 #[cfg(test)]
