@@ -1,8 +1,11 @@
 //! Every way to ask, once, over a mesh that is small enough for Miri: see `.ci/miri`.
 
-use glam::Vec3;
-use kd_core::{Hit, Mesh, Ray, RayPacket8};
+use std::ops::ControlFlow;
+
+use glam::{Affine3A, Vec3};
+use kd_core::{Aabb, Culling, Hit, Mesh, Ray, RayPacket8};
 use kd_sah::{BuildOptions, build};
+use kd_trace::kit::{Closest, Frame, Placement, VisitItem, WideBoxes, collect_placed, walk_boxes};
 use kd_trace::{Join, Level, PackedTree, RayQuery, WideForest, WideTree, brute_force};
 
 /// Three sheets of small triangles, one behind the other.
@@ -63,7 +66,7 @@ fn joined(mesh: &Mesh) -> WideForest {
     for sheet in 0..3 {
         forest.push(&WideTree::from_objects(&part(sheet)), first(sheet));
     }
-    let moved = part(1).transformed(&glam::Affine3A::from_rotation_x(2.0));
+    let moved = part(1).transformed(&Affine3A::from_rotation_x(2.0));
     forest.refit(1, &moved.expect("finite"), first(1));
     forest.join(Join::default());
     forest.refit(1, &part(1), first(1));
@@ -73,6 +76,47 @@ fn joined(mesh: &Mesh) -> WideForest {
     forest.push_copy(&other, 0);
     forest.join(Join::default());
     forest
+}
+
+/// Rays that see one side, rays through the placed tree, and the boxes of triangles.
+fn check_sides_placed_and_boxes(mesh: &Mesh, wide: &WideTree, ray: &Ray, level: Level) {
+    for side in [Culling::BACK, Culling::FRONT] {
+        let ray = ray.with_culling(side);
+        let expected = brute_force::intersect(mesh, &ray);
+        assert_eq!(wide.intersect(&ray), expected, "{level}, {ray:?}");
+        assert_eq!(wide.occluded(&ray), expected.is_some(), "{level}, {ray:?}");
+    }
+    let turned = Affine3A::from_rotation_x(0.2);
+    let placement = Placement::new(wide, &turned, 0).expect("not flat");
+    let mut closest = Closest::default();
+    let frame = Frame::new(&placement.bounds());
+    collect_placed(wide, &placement, &frame, ray, &mut closest);
+    let placed = mesh.transformed(&turned).expect("finite");
+    let expected = brute_force::intersect(&placed, ray);
+    assert_eq!(closest.0, expected, "{level}, placed, {ray:?}");
+
+    let triangles = 0..u32::try_from(mesh.len()).expect("few");
+    let boxes: Vec<Aabb> = triangles.map(|i| Aabb::around(mesh.corners(i))).collect();
+    let boxes = WideBoxes::new(&boxes, false, None).expect("nothing cancels it");
+    let mut met = Met(Vec::new());
+    walk_boxes(&boxes.with_level(level), wide.frame(), ray, &mut met);
+    if let Some(hit) = brute_force::intersect(mesh, ray) {
+        assert!(met.0.contains(&hit.triangle), "{level}, boxes, {ray:?}");
+    }
+}
+
+/// The boxes that a ray meets.
+struct Met(Vec<u32>);
+
+impl VisitItem for Met {
+    fn limit(&self) -> f32 {
+        f32::INFINITY
+    }
+
+    fn visit(&mut self, item: u32) -> ControlFlow<()> {
+        self.0.push(item);
+        ControlFlow::Continue(())
+    }
 }
 
 #[test]
@@ -102,6 +146,9 @@ fn every_way_to_ask_gives_the_same_answers() {
             assert_eq!(wide.occluded(ray), any[i], "{level}, {i}");
             let forest = forest.tree();
             assert_eq!(forest.intersect(ray), expected[i], "{level}, joined, {i}");
+            if i % 4 == 0 {
+                check_sides_placed_and_boxes(&mesh, &wide, ray, level);
+            }
             wide.hits(ray, 2, &mut few);
             brute_force::hits(&mesh, ray, 2, &mut expected_few);
             assert_eq!(few, expected_few, "{level}, {i}");
