@@ -1,0 +1,253 @@
+//! The generalized winding number: how often a surface, closed or not, winds around a point.
+
+use std::f64::consts::PI;
+
+use glam::{DMat3, DVec3, Vec3};
+use kd_core::Mesh;
+use kd_simd::LANES;
+use kd_wide::{Block, Child, WIDTH, WideTree};
+
+/// The largest error of [`WindingNumbers::at`], but for rounding.
+pub const WINDING_ERROR: f64 = 0.01;
+
+/// A hierarchy over a mesh that answers winding numbers.
+///
+/// The winding number of a point is the sum of the solid angles of all triangles, signed by the side that the point sees, over 4π: 1 inside
+/// of a closed surface whose triangles are counter-clockwise from outside, 0 outside, −1 inside of a surface turned inside out. Where the
+/// surface has holes it changes smoothly across them, so that `winding > 0.5` is a robust *inside* for dirty meshes (A. Jacobson, L. Kavan,
+/// O. Sorkine-Hornung, *Robust Inside-Outside Segmentation using Generalized Winding Numbers*, 2013).
+///
+/// Far groups of triangles count as a dipole with its first moments, near triangles one by one (G. Barill, N. Dickson, R. Schmidt, D. Levin,
+/// A. Jacobson, *Fast Winding Numbers for Soups and Clouds*, 2018, section 3). Where they take a group as far at twice its radius, here a
+/// bound of the error decides: every answer is within [`WINDING_ERROR`] of the sum over all triangles.
+///
+/// The groups are wide nodes of objects, made for this purpose. Memory: about 300 bytes a triangle. Build time is that of wide nodes of
+/// objects, and linear.
+///
+/// ```
+/// use kd_core::Mesh;
+/// use kd_points::{WINDING_ERROR, WindingNumbers};
+///
+/// // A tetrahedron without its face in the plane z = 0.
+/// let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let open = Mesh::new(corners, vec![[0, 1, 3], [1, 2, 3], [2, 0, 3]])?;
+/// let numbers = WindingNumbers::new(&open);
+/// assert!(numbers.at([0.2, 0.2, 0.3]) > 0.5, "inside");
+/// assert!(numbers.at([2.0, 2.0, 2.0]).abs() < 0.1 + WINDING_ERROR, "outside");
+/// # Ok::<(), kd_core::MeshError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct WindingNumbers {
+    tree: WideTree,
+    /// All triangles.
+    whole: Group,
+    /// Those of the children of each node.
+    groups: Vec<[Group; WIDTH]>,
+}
+
+/// Some triangles from far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Group {
+    /// The mean of their points.
+    center: DVec3,
+    /// No point is further from the center.
+    radius: f64,
+    area: f64,
+    /// The sum of areas times normals.
+    dipole: DVec3,
+    /// The integral of (x − center) nᵀ over all points x with normals n.
+    moments: DMat3,
+    /// The integral of |x − center|².
+    spread: f64,
+}
+
+/// A child to visit later.
+#[derive(Clone, Copy, Debug)]
+struct Pending<'a> {
+    child: Child,
+    group: &'a Group,
+    /// No triangle is closer.
+    distance: f64,
+}
+
+impl WindingNumbers {
+    /// The hierarchy of a mesh, made on the calling thread.
+    pub fn new(mesh: &Mesh) -> Self {
+        Self::of(WideTree::from_objects(mesh))
+    }
+
+    /// [`new`](Self::new) on the threads of the pool in scope (rayon's). The result is the same.
+    pub fn new_parallel(mesh: &Mesh) -> Self {
+        Self::of(WideTree::from_objects_parallel(mesh))
+    }
+
+    fn of(tree: WideTree) -> Self {
+        let mut groups = vec![[Group::default(); WIDTH]; tree.nodes().len()];
+        let whole = group_of(&tree, tree.root(), &mut groups);
+        Self {
+            tree,
+            whole,
+            groups,
+        }
+    }
+
+    /// The winding number of a point, within [`WINDING_ERROR`] and the rounding of f64. 0 for a point that is not finite.
+    ///
+    /// On the surface it is between those of both sides. Time grows far more slowly than the number of triangles.
+    pub fn at(&self, point: impl Into<Vec3>) -> f64 {
+        let point = point.into();
+        if !point.is_finite() {
+            return 0.0;
+        }
+        let point = point.as_dvec3();
+        let mut sum = 0.0;
+        // What groups may err by in all, and the area that is to come. A group may err by its share of both. The farthest come first, and need
+        // less than their share, so that more is left for the near ones.
+        let mut error_left = 4.0 * PI * WINDING_ERROR;
+        let mut area_left = self.whole.area;
+        let mut pending = vec![Pending {
+            child: self.tree.root(),
+            group: &self.whole,
+            distance: self.whole.distance(point),
+        }];
+        while let Some(Pending {
+            child,
+            group,
+            distance,
+        }) = pending.pop()
+        {
+            let share = (group.area / area_left).min(1.0);
+            if distance > 0.0 && group.error(distance) <= share * error_left {
+                sum += group.solid_angle(point);
+                error_left -= group.error(distance);
+                area_left -= group.area;
+            } else if child.is_leaf() {
+                sum += angle_of_blocks(&self.tree.blocks()[child.blocks()], point);
+                area_left -= group.area;
+            } else {
+                let node = &self.tree.nodes()[child.index()];
+                let groups = &self.groups[child.index()];
+                let first = pending.len();
+                pending.extend(node.lanes().map(|lane| Pending {
+                    child: node.children[lane],
+                    group: &groups[lane],
+                    distance: groups[lane].distance(point),
+                }));
+                // The farthest last. Stable, so that the order is the same everywhere.
+                pending[first..].sort_by(|a, b| a.distance.total_cmp(&b.distance));
+            }
+        }
+        sum / (4.0 * PI)
+    }
+}
+
+impl Group {
+    /// A triangle: the moments of a triangle about its center are zero.
+    fn of_triangle(corners: [DVec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        let center = (a + b + c) / 3.0;
+        let dipole = 0.5 * (b - a).cross(c - a);
+        let area = dipole.length();
+        let squares = corners.map(|corner| corner.distance_squared(center));
+        Self {
+            center,
+            radius: squares.into_iter().fold(0.0, f64::max).sqrt(),
+            area,
+            dipole,
+            moments: DMat3::ZERO,
+            spread: area / 12.0 * squares.iter().sum::<f64>(),
+        }
+    }
+
+    /// All groups together.
+    fn of_groups(groups: &[Self]) -> Self {
+        let area: f64 = groups.iter().map(|group| group.area).sum();
+        if area == 0.0 {
+            return Self::default();
+        }
+        let weighted: DVec3 = groups.iter().map(|group| group.center * group.area).sum();
+        let mut whole = Self {
+            center: weighted / area,
+            area,
+            ..Self::default()
+        };
+        for group in groups {
+            let shift = group.center - whole.center;
+            whole.radius = whole.radius.max(shift.length() + group.radius);
+            whole.dipole += group.dipole;
+            let [x, y, z] = (group.dipole).to_array();
+            whole.moments += group.moments + DMat3::from_cols(shift * x, shift * y, shift * z);
+            // The first moments of its area about its own center are zero.
+            whole.spread += group.spread + group.area * shift.length_squared();
+        }
+        whole
+    }
+
+    /// No triangle is closer; negative where the point may be among them.
+    fn distance(&self, point: DVec3) -> f64 {
+        (self.center - point).length() - self.radius
+    }
+
+    /// The sum of solid angles, by the first two terms of the Taylor series of R / |R|³ about the center.
+    fn solid_angle(&self, point: DVec3) -> f64 {
+        let way = self.center - point;
+        let square = way.length_squared();
+        let cube = square * square.sqrt();
+        let moments = &self.moments;
+        let trace = moments.x_axis.x + moments.y_axis.y + moments.z_axis.z;
+        (self.dipole.dot(way) + trace - 3.0 * way.dot(*moments * way) / square) / cube
+    }
+
+    /// A bound of the error of [`solid_angle`](Self::solid_angle), from a distance at which no triangle is closer.
+    ///
+    /// R / |R|³ is a gradient of 1 / |R|, so that the next term of the series takes third derivatives of 1 / r. Those along one direction
+    /// are (9 c − 15 c³) / r⁴, c being its cosine with R: at most 6 / r⁴; and a symmetric form is nowhere larger than along one direction (S.
+    /// Banach, 1938). The remainder is therefore at most ½ · 6 / r⁴ times the integral of |x − center|².
+    fn error(&self, distance: f64) -> f64 {
+        let square = distance * distance;
+        3.0 * self.spread / (square * square)
+    }
+}
+
+/// The group of all triangles below a child. Fills in those of the nodes on the way.
+fn group_of(tree: &WideTree, child: Child, groups: &mut [[Group; WIDTH]]) -> Group {
+    if child.is_leaf() {
+        let blocks = &tree.blocks()[child.blocks()];
+        let triangles: Vec<Group> = blocks
+            .iter()
+            .flat_map(corners_of_block)
+            .map(Group::of_triangle)
+            .collect();
+        return Group::of_groups(&triangles);
+    }
+    let node = tree.nodes()[child.index()];
+    let mut children = [Group::default(); WIDTH];
+    for lane in node.lanes() {
+        children[lane] = group_of(tree, node.children[lane], groups);
+    }
+    groups[child.index()] = children;
+    Group::of_groups(&children)
+}
+
+/// The triangles of a block that have an area.
+fn corners_of_block(block: &Block) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+    let all = (0..LANES).map(|lane| block.corners_of(lane));
+    let with_area = all.filter(|[a, _, _]| !a.is_nan());
+    with_area.map(|corners| corners.map(|corner| corner.as_dvec3()))
+}
+
+fn angle_of_blocks(blocks: &[Block], point: DVec3) -> f64 {
+    let triangles = blocks.iter().flat_map(corners_of_block);
+    triangles.map(|corners| solid_angle(corners, point)).sum()
+}
+
+/// The solid angle of a triangle, positive where the point sees its back (A. van Oosterom and J. Strackee, *The Solid Angle of a Plane
+/// Triangle*, 1983).
+pub(crate) fn solid_angle(corners: [DVec3; 3], point: DVec3) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner - point);
+    let [of_a, of_b, of_c] = [a, b, c].map(DVec3::length);
+    let volume = a.dot(b.cross(c));
+    let rest = of_a * of_b * of_c + a.dot(b) * of_c + b.dot(c) * of_a + c.dot(a) * of_b;
+    // Not `f64::atan2`, which may differ between platforms.
+    2.0 * libm::atan2(volume, rest)
+}
