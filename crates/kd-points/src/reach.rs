@@ -19,9 +19,8 @@
 
 use glam::Vec3;
 use kd_core::Aabb;
-use kd_simd::{LANES, Number, Simd};
+use kd_simd::{F32x8, LANES, Simd};
 
-use kd_simd::F32x8 as _;
 
 /// 2⁻²², of R.
 const PAD: f64 = 1.0 / (1 << 22) as f64;
@@ -103,7 +102,7 @@ fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(u64::from((exponent + 1023).unsigned_abs()) << 52)
 }
 
-impl<N: kd_simd::F32x8> ReachLanes<N> {
+impl<N: F32x8> ReachLanes<N> {
     /// The squared scaled distances of eight boxes; infinite for empty ones.
     #[inline(always)]
     pub(crate) fn squared_distances<S: Simd<F32 = N>>(

@@ -119,7 +119,9 @@ fn closest<S: Simd>(
     let v = ac_ac * to_b - ab_ac * to_c;
     let w = ab_ab * to_c - ab_ac * to_b;
     let is_inside = zero.lt(v) & zero.lt(w) & (v + w).lt(whole);
+    // At most 1, also where the reciprocal of a tiny number overflows.
     let part = one / whole;
-    let foot = ahead(ahead(a, v * part, ab), w * part, ac);
+    let (v, w) = ((v * part).min(one), (w * part).min(one));
+    let foot = ahead(ahead(a, v, ab), w, ac);
     either(is_inside, foot, edge)
 }

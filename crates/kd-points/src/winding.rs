@@ -46,7 +46,7 @@ pub struct WindingNumbers {
 }
 
 /// Some triangles from far.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Group {
     /// The mean of their points.
     center: DVec3,
@@ -82,7 +82,7 @@ impl WindingNumbers {
     }
 
     fn of(tree: WideTree) -> Self {
-        let mut groups = vec![[Group::default(); WIDTH]; tree.nodes().len()];
+        let mut groups = vec![[Group::NONE; WIDTH]; tree.nodes().len()];
         let whole = group_of(&tree, tree.root(), &mut groups);
         Self {
             tree,
@@ -142,6 +142,15 @@ impl WindingNumbers {
 }
 
 impl Group {
+    const NONE: Self = Self {
+        center: DVec3::ZERO,
+        radius: 0.0,
+        area: 0.0,
+        dipole: DVec3::ZERO,
+        moments: DMat3::ZERO,
+        spread: 0.0,
+    };
+
     /// A triangle: the moments of a triangle about its center are zero.
     fn of_triangle(corners: [DVec3; 3]) -> Self {
         let [a, b, c] = corners;
@@ -163,15 +172,15 @@ impl Group {
     fn of_groups(groups: &[Self]) -> Self {
         let area: f64 = groups.iter().map(|group| group.area).sum();
         if area == 0.0 {
-            return Self::default();
+            return Self::NONE;
         }
         let weighted: DVec3 = groups.iter().map(|group| group.center * group.area).sum();
         let mut whole = Self {
             center: weighted / area,
             area,
-            ..Self::default()
+            ..Self::NONE
         };
-        for group in groups {
+        for group in groups.iter().filter(|group| group.area > 0.0) {
             let shift = group.center - whole.center;
             whole.radius = whole.radius.max(shift.length() + group.radius);
             whole.dipole += group.dipole;
@@ -221,7 +230,7 @@ fn group_of(tree: &WideTree, child: Child, groups: &mut [[Group; WIDTH]]) -> Gro
         return Group::of_groups(&triangles);
     }
     let node = tree.nodes()[child.index()];
-    let mut children = [Group::default(); WIDTH];
+    let mut children = [Group::NONE; WIDTH];
     for lane in node.lanes() {
         children[lane] = group_of(tree, node.children[lane], groups);
     }
