@@ -11,6 +11,7 @@ use crate::first_ray::FirstRayArgs;
 use crate::instructions::InstructionsArgs;
 use crate::merges::MergesArgs;
 use crate::paper::PaperArgs;
+use crate::points::PointsArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::results::ResultsArgs;
 use crate::scene_table::SceneTableArgs;
@@ -49,6 +50,10 @@ pub(crate) enum Command {
     ///
     /// With --scenes and no --scene: the four scans of the goals, two rooms and a city.
     Structures(SceneTableArgs),
+    /// Print how fast points are answered: closest points near and far, inside or not, winding numbers; with --peers over rivals, with goals
+    ///
+    /// With --scenes and no --scene: the meshes of the goals, or every mesh of a folder without them.
+    Points(PointsArgs),
     /// Reproduce a table of one of the papers, beside our figures
     Paper(Box<PaperArgs>),
     /// Count instructions per ray, which do not depend on the load of the machine

@@ -4,7 +4,7 @@
 //! Every command measures cells ([`record`]) of a scene ([`session`]) and prints views of them ([`view`], [`summary`]). Modules
 //! import from those below: commands, then session, workload and structures, then record, names and helpers.
 //!
-//! Started by `cargo xtask bench | builds | files | first-ray | rays | merges | structures | paper | instructions | report | calibrate | compare |
+//! Started by `cargo xtask bench | builds | files | first-ray | rays | merges | points | structures | paper | instructions | report | calibrate | compare |
 //! results`.
 #![allow(
     clippy::print_stdout,
@@ -32,6 +32,7 @@ mod paper;
 mod peers;
 mod picture;
 mod plots;
+mod points;
 mod ray_speeds;
 mod rays;
 mod record;
@@ -68,6 +69,7 @@ fn main() -> ExitCode {
         Command::Rays(arguments) => ray_speeds::run(&arguments),
         Command::Merges(arguments) => merges::run(&arguments),
         Command::Structures(arguments) => structures::run(&arguments),
+        Command::Points(arguments) => points::run(&arguments),
         Command::Paper(arguments) => paper::run(&arguments),
         Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),

@@ -10,6 +10,7 @@
 )]
 
 mod library;
+mod points;
 mod shared;
 mod v3;
 mod v4;

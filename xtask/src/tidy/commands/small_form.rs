@@ -262,13 +262,14 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 13] = [
+const XTASK: [Options; 14] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
     options("files", [true, true, false], None),
     options("first-ray", [true, true, true], Some(Tool::Embree)),
     options("rays", [true, true, true], Some(Tool::Embree)),
     options("merges", [true, true, false], None),
+    options("points", [true, true, false], None),
     options("structures", [true, true, true], Some(Tool::Embree)),
     options("paper", [true, true, false], None),
     options("instructions", [false, false, false], Some(Tool::Valgrind)),
