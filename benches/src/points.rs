@@ -204,22 +204,37 @@ impl Measured<'_> {
         let mut nearest: Vec<Option<Nearest>> = vec![None; points.len()];
         let batch = |nearest: &mut [Option<Nearest>]| {
             if self.arguments.threads == 1 {
-                self.tree.closest_point_batch(points, f32::INFINITY, nearest);
+                self.tree
+                    .closest_point_batch(points, f32::INFINITY, nearest);
             } else {
-                self.tree.par_closest_point_batch(points, f32::INFINITY, nearest);
+                self.tree
+                    .par_closest_point_batch(points, f32::INFINITY, nearest);
             }
         };
-        let mut row = self.row(kind, points, || batch(&mut nearest), |point| {
-            self.tree.closest_point(point, f32::INFINITY);
-        });
+        let mut row = self.row(
+            kind,
+            points,
+            || batch(&mut nearest),
+            |point| {
+                self.tree.closest_point(point, f32::INFINITY);
+            },
+        );
         let arrays: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
         let mut distances = vec![0.0; points.len()];
-        let named = [kd_rivals::embree_name().unwrap_or_default(), "parry3d".into()];
+        let named = [
+            kd_rivals::embree_name().unwrap_or_default(),
+            "parry3d".into(),
+        ];
         for ((rival, name), goal) in rivals.iter().zip(named).zip(goals) {
             let theirs = || {
-                in_chunks(&arrays, &mut distances, self.arguments.threads, |points, out| {
-                    rival.distances(points, out);
-                });
+                in_chunks(
+                    &arrays,
+                    &mut distances,
+                    self.arguments.threads,
+                    |points, out| {
+                        rival.distances(points, out);
+                    },
+                );
             };
             let pairs = in_sure_pairs(self.repeats(), theirs, || batch(&mut nearest));
             let (batch_ms, rival_ms) = pairs.scaled(1e3);
@@ -277,13 +292,7 @@ impl Measured<'_> {
     }
 
     /// The times of a batch, each after one of single points.
-    fn row(
-        &self,
-        kind: &str,
-        points: &[Vec3],
-        batch: impl FnMut(),
-        single: impl Fn(Vec3),
-    ) -> Row {
+    fn row(&self, kind: &str, points: &[Vec3], batch: impl FnMut(), single: impl Fn(Vec3)) -> Row {
         let one_by_one = || points.iter().for_each(|point| single(*point));
         let pairs = in_sure_pairs(self.repeats(), one_by_one, batch);
         let (batch_ms, single_ms) = pairs.scaled(1e3);
@@ -343,14 +352,20 @@ fn direction(rng: &mut Rng) -> Vec3 {
 impl Row {
     /// The distances that differ.
     fn wrong(&self) -> Vec<String> {
-        let rivals = self.rivals.iter().filter(|over| over.worst_difference > TOLERANCE);
+        let rivals = self
+            .rivals
+            .iter()
+            .filter(|over| over.worst_difference > TOLERANCE);
         let wrong = rivals.map(|over| {
             let OverRival {
                 rival,
                 worst_difference,
                 ..
             } = over;
-            format!("{} {}: {rival} differs by {worst_difference:.1e}", self.scene, self.kind)
+            format!(
+                "{} {}: {rival} differs by {worst_difference:.1e}",
+                self.scene, self.kind
+            )
         });
         wrong.collect()
     }

@@ -70,7 +70,10 @@ mod tests {
         let [a, b, c] = FACES[3];
         let turned = [FACES[0], FACES[1], FACES[2], [a, c, b]];
         assert!(!mesh(&turned).is_closed(), "one face is turned over");
-        assert!(mesh(&[&FACES[..], &[[0, 1, 1]]].concat()).is_closed(), "a segment");
+        assert!(
+            mesh(&[&FACES[..], &[[0, 1, 1]]].concat()).is_closed(),
+            "a segment"
+        );
     }
 
     #[test]

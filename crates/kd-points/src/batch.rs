@@ -210,10 +210,15 @@ fn in_sorted_tasks<T: Send>(
     assert_eq!(points.len(), out.len(), "one answer per point");
     for (points, out) in points.chunks(MOST_SORTED).zip(out.chunks_mut(MOST_SORTED)) {
         let order = along_a_curve(points, is_parallel);
-        let answers = kd_tasks::map(order.chunks(TASK).collect(), is_parallel, |places: &[u32]| {
-            let neighbors: Vec<Vec3> = places.iter().map(|place| points[*place as usize]).collect();
-            answer(&neighbors)
-        });
+        let answers = kd_tasks::map(
+            order.chunks(TASK).collect(),
+            is_parallel,
+            |places: &[u32]| {
+                let neighbors: Vec<Vec3> =
+                    places.iter().map(|place| points[*place as usize]).collect();
+                answer(&neighbors)
+            },
+        );
         for (place, answer) in order.iter().zip(answers.into_iter().flatten()) {
             out[*place as usize] = answer;
         }

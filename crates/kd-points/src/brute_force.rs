@@ -66,9 +66,8 @@ pub fn winding_number(mesh: &Mesh, point: impl Into<Vec3>) -> f64 {
     if !point.is_finite() {
         return 0.0;
     }
-    let angles = with_area(mesh).map(|(_, corners)| {
-        solid_angle(corners.map(|corner| corner.as_dvec3()), point.as_dvec3())
-    });
+    let angles = with_area(mesh)
+        .map(|(_, corners)| solid_angle(corners.map(|corner| corner.as_dvec3()), point.as_dvec3()));
     angles.sum::<f64>() / (4.0 * PI)
 }
 
@@ -82,19 +81,13 @@ pub fn triangles_in_box(mesh: &Mesh, bounds: &Aabb, out: &mut Vec<u32>) {
 }
 
 /// As [`triangles_in_sphere`](crate::triangles_in_sphere).
-pub fn triangles_in_sphere(
-    mesh: &Mesh,
-    center: impl Into<Vec3>,
-    radius: f32,
-    out: &mut Vec<u32>,
-) {
+pub fn triangles_in_sphere(mesh: &Mesh, center: impl Into<Vec3>, radius: f32, out: &mut Vec<u32>) {
     out.clear();
     let center = center.into();
     let radius = f64::from(radius);
     if center.is_finite() && radius >= 0.0 {
-        let met = with_area(mesh).filter(|(_, corners)| {
-            Foot::new(center, *corners).squared <= radius * radius
-        });
+        let met = with_area(mesh)
+            .filter(|(_, corners)| Foot::new(center, *corners).squared <= radius * radius);
         out.extend(met.map(|(triangle, _)| triangle));
     }
 }

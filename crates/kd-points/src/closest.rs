@@ -203,7 +203,7 @@ impl<S: Simd> Search<'_, S> {
             }
             let mut node = nodes[node.index()];
             while !node.is_leaf() {
-                let axis = node.tag() as usize;
+                let axis = node.tag();
                 let beyond = point[axis] - f64::from(node.split());
                 let near = usize::from(beyond > 0.0);
                 let first = node.first_child();

@@ -183,7 +183,11 @@ mod tests {
         assert_eq!(count(at(2.0, 0.0, 0.0)), 0, "behind");
         let corners = [a, b, c, d].map(|corner| count(at(0.0, corner.y, corner.z)));
         assert_eq!(corners.iter().sum::<usize>(), 1, "one of four corners");
-        assert_eq!(crossing(at(1.0, 0.0, 0.0), [a, b, c]), Crossing::At, "on it");
+        assert_eq!(
+            crossing(at(1.0, 0.0, 0.0), [a, b, c]),
+            Crossing::At,
+            "on it"
+        );
     }
 
     #[test]
@@ -191,10 +195,19 @@ mod tests {
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
         let corners = [at(0.0, 0.0, 0.0), at(4.0, 0.0, 0.0), at(0.0, 4.0, 4.0)];
         let meets = |min: Vec3, max: Vec3| meets_box(corners, &Aabb { min, max });
-        assert!(meets(at(2.0, 2.0, 2.0), at(3.0, 3.0, 3.0)), "touches the long edge");
+        assert!(
+            meets(at(2.0, 2.0, 2.0), at(3.0, 3.0, 3.0)),
+            "touches the long edge"
+        );
         let above = 2.0_f32.next_up();
-        assert!(!meets(at(above, 2.0, 2.0), at(3.0, 3.0, 3.0)), "one step off it");
-        assert!(meets(at(0.0, 1.0, 1.0), at(1.0, 1.0, 1.0)), "a segment in it");
+        assert!(
+            !meets(at(above, 2.0, 2.0), at(3.0, 3.0, 3.0)),
+            "one step off it"
+        );
+        assert!(
+            meets(at(0.0, 1.0, 1.0), at(1.0, 1.0, 1.0)),
+            "a segment in it"
+        );
         assert!(!meets(at(0.5, 1.0, 1.5), at(1.0, 1.25, 2.0)), "above it");
         assert!(meets(Vec3::NEG_INFINITY, Vec3::INFINITY), "everything");
         assert!(!meets(Vec3::ONE, Vec3::ZERO), "an empty box");

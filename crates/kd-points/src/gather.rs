@@ -63,8 +63,8 @@ pub(crate) fn gather<S: Simd, R: Region<S>>(simd: S, tree: PointTree<'_>, region
                 }
                 let first = node.first_child();
                 let mut halves = [cell; 2];
-                halves[0].max[node.tag() as usize] = node.split();
-                halves[1].min[node.tag() as usize] = node.split();
+                halves[0].max[node.tag()] = node.split();
+                halves[1].min[node.tag()] = node.split();
                 let children = [first, first.sibling()];
                 pending.extend(children.into_iter().zip(halves));
             }

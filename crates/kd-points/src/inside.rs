@@ -35,9 +35,7 @@ impl<S: Simd> Region<S> for Column<'_> {
 
     #[inline(always)]
     fn cell(&self, cell: &Aabb) -> bool {
-        self.lower.cmple(cell.max).all()
-            && cell.min.y <= self.upper.y
-            && cell.min.z <= self.upper.z
+        self.lower.cmple(cell.max).all() && cell.min.y <= self.upper.y && cell.min.z <= self.upper.z
     }
 
     #[inline(always)]

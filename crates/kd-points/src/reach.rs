@@ -14,13 +14,13 @@
 //! since corners are f32 and differ.) The pad is 2⁻²² R. So the box is at most d + pad away, and a box whose distance is certainly larger
 //! has no triangle that could be as close.
 //!
-//! In f32 a squared distance of a box is a sum of squares of differences, too large by a factor of at most 1 + 6u and by far less than
-//! the square of the pad. A limit is larger by a factor of 1 + 16u, which leaves 8u for the lanes of triangles.
+//! In f32 a squared distance of a box is a sum of squares of differences, too large by a factor of at most 1 + 6u, and by far less than the
+//! square of the pad. A limit is larger by a factor of 1 + 16u, which is more than boxes and [`triangles`](crate::triangles) need, and more
+//! than it loses when it is rounded.
 
 use glam::Vec3;
 use kd_core::Aabb;
 use kd_simd::{F32x8, LANES, Simd};
-
 
 /// 2⁻²², of R.
 const PAD: f64 = 1.0 / (1 << 22) as f64;
@@ -72,7 +72,10 @@ impl Reach {
     /// What the square of a scaled distance does not exceed, if the distance may be that of a triangle with this squared distance, in
     /// squared scene units, or a smaller one.
     #[inline]
-    #[allow(clippy::cast_possible_truncation, reason = "the slack covers the rounding")]
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "the slack covers the rounding"
+    )]
     pub(crate) fn limit(&self, squared: f64) -> f32 {
         let distance = (squared.sqrt() + self.pad) * f64::from(self.scale);
         (distance * distance * SLACK).min(MOST) as f32
@@ -113,8 +116,12 @@ impl<N: F32x8> ReachLanes<N> {
         let zero = simd.splat(0.0);
         let mut sum = zero;
         for (axis, [starts, ends]) in faces.iter().enumerate() {
-            let before = simd.load(starts).mul_add(self.scale, self.negative_scaled[axis]);
-            let behind = simd.load(ends).mul_add(self.negative_scale, self.scaled[axis]);
+            let before = simd
+                .load(starts)
+                .mul_add(self.scale, self.negative_scaled[axis]);
+            let behind = simd
+                .load(ends)
+                .mul_add(self.negative_scale, self.scaled[axis]);
             let outside = before.max(behind).max(zero);
             sum = outside.mul_add(outside, sum);
         }

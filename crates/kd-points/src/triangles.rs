@@ -9,8 +9,8 @@
 //!
 //! In scaled units coordinates are at most 1 ([`reach`](crate::reach)). A corner errs by a factor of 1 ± u in each coordinate, and a
 //! product with g by three roundings at most: together by 4.1u (|g.x| + |g.y| + |g.z|). We allow 8u. Then m is squared, which costs 3u, and
-//! compared with the limit times |g|² as computed, which costs 4u: less than the 8u that the limit allows for it. Products that underflow
-//! lose less than 2⁻¹⁴⁰, and we allow 2⁻¹⁰⁰.
+//! compared with the limit times |g|² as computed, which costs 5u: less than the 16u that a limit allows. Products that underflow lose less
+//! than 2⁻¹⁴⁰, and we allow 2⁻¹⁰⁰.
 
 use kd_simd::{F32x8, LANES, Mask as _, Number as _, Simd};
 use kd_wide::Block;

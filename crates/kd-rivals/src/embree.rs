@@ -9,7 +9,9 @@ use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_trace::RayQuery;
 
 use crate::queries::restarted_hits;
-use crate::{Built, Bytes, EmbreeBuild, FIRST, Following, Moving, PointQueries, Purpose, Queries, RivalError};
+use crate::{
+    Built, Bytes, EmbreeBuild, FIRST, Following, Moving, PointQueries, Purpose, Queries, RivalError,
+};
 use api::{
     Embree, Hit1, Input, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8, Scene, SceneFlags, Version,
 };

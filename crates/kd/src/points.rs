@@ -43,9 +43,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use kd_core::Aabb;
 use kd_points::PointTree;
-pub use kd_points::{
-    Feature, Nearest, TriangleLists, WINDING_ERROR, WindingNumbers, brute_force,
-};
+pub use kd_points::{Feature, Nearest, TriangleLists, WINDING_ERROR, WindingNumbers, brute_force};
 
 use crate::KdTree;
 

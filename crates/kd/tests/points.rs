@@ -3,9 +3,7 @@
 use kd::glam::{Affine3A, Vec3};
 use kd::points::{WINDING_ERROR, WindingNumbers, brute_force};
 use kd::scene::MergeMethod;
-use kd::{
-    Aabb, BuildOptions, FrameData, KdTree, Layout, Mesh, Nearest, PartId, Scene, Strategy,
-};
+use kd::{Aabb, BuildOptions, FrameData, KdTree, Layout, Mesh, Nearest, PartId, Scene, Strategy};
 use kd_oracle::rng::Rng;
 use kd_oracle::{effort, scenes};
 
@@ -82,7 +80,10 @@ fn check_batches(tree: &KdTree, points: &[Vec3], near: f32) {
     let mut found = [vec![None; count], vec![None; count]];
     tree.closest_point_batch(points, near, &mut found[0]);
     tree.par_closest_point_batch(points, near, &mut found[1]);
-    assert!(found.iter().all(|found| *found == nearest), "closest points");
+    assert!(
+        found.iter().all(|found| *found == nearest),
+        "closest points"
+    );
     let mut found = [vec![false; count], vec![true; count]];
     tree.contains_batch(points, &mut found[0]);
     tree.par_contains_batch(points, &mut found[1]);
@@ -94,12 +95,22 @@ fn check_batches(tree: &KdTree, points: &[Vec3], near: f32) {
     let mut found = [vec![0.0; count], vec![1.0; count]];
     tree.winding_number_batch(points, &mut found[0]);
     tree.par_winding_number_batch(points, &mut found[1]);
-    assert!(found.iter().all(|found| *found == winding), "winding numbers");
+    assert!(
+        found.iter().all(|found| *found == winding),
+        "winding numbers"
+    );
 
     let spheres: Vec<(Vec3, f32)> = points.iter().map(|point| (*point, near)).collect();
     let lists = tree.triangles_in_sphere_batch(&spheres);
-    assert_eq!(lists, tree.par_triangles_in_sphere_batch(&spheres), "spheres");
-    let boxes: Vec<Aabb> = points.iter().map(|p| Aabb::around([*p, *p + near])).collect();
+    assert_eq!(
+        lists,
+        tree.par_triangles_in_sphere_batch(&spheres),
+        "spheres"
+    );
+    let boxes: Vec<Aabb> = points
+        .iter()
+        .map(|p| Aabb::around([*p, *p + near]))
+        .collect();
     let in_boxes = tree.triangles_in_box_batch(&boxes);
     assert_eq!(in_boxes, tree.par_triangles_in_box_batch(&boxes), "boxes");
     let mut list = Vec::new();
@@ -133,13 +144,17 @@ fn strategies() -> Vec<Strategy> {
         Strategy::Dual,
         Strategy::Merge(MergeMethod::Guided),
         Strategy::Merge(MergeMethod::PartitionTrees),
+        Strategy::Merge(MergeMethod::BspMerge),
+        Strategy::Merge(MergeMethod::Insertion),
     ]
 }
 
 /// All parts of a frame in one mesh, and the part and number of each triangle.
 fn whole(frame: &FrameData) -> (Mesh, Vec<(PartId, u32)>) {
     let parts: Vec<PartId> = frame.parts().collect();
-    let meshes = parts.iter().map(|part| &**frame.mesh(*part).expect("a part"));
+    let meshes = parts
+        .iter()
+        .map(|part| &**frame.mesh(*part).expect("a part"));
     let mesh = Mesh::concatenated(meshes.clone()).expect("small");
     let numbered = parts.iter().zip(meshes).flat_map(|(part, mesh)| {
         let count = u32::try_from(mesh.len()).expect("small");
@@ -187,14 +202,19 @@ fn check_frame(frame: &FrameData, what: &str) {
     let of_each = points.iter();
     let inside: Vec<bool> = of_each.map(|p| brute_force::contains(&mesh, *p)).collect();
     let of_each = points.iter();
-    let distances: Vec<Option<f32>> =
-        of_each.map(|p| brute_force::signed_distance(&mesh, *p)).collect();
+    let distances: Vec<Option<f32>> = of_each
+        .map(|p| brute_force::signed_distance(&mesh, *p))
+        .collect();
     let (mut list, mut slots) = (Vec::new(), Vec::new());
     for (number, &point) in points.iter().enumerate() {
         let found = frame.closest_point(point, f32::INFINITY);
         assert_eq!(found, expected[number], "{what}, {point}");
         assert_eq!(frame.contains(point), inside[number], "{what}, {point}");
-        assert_eq!(frame.signed_distance(point), distances[number], "{what}, {point}");
+        assert_eq!(
+            frame.signed_distance(point),
+            distances[number],
+            "{what}, {point}"
+        );
         frame.triangles_in_sphere(point, 0.7, &mut list);
         brute_force::triangles_in_sphere(&mesh, point, 0.7, &mut slots);
         let in_parts = slots.iter().map(|slot| parts[*slot as usize]);
@@ -209,27 +229,44 @@ fn check_frame(frame: &FrameData, what: &str) {
     let mut found = [vec![None; count], vec![None; count]];
     frame.closest_point_batch(&points, f32::INFINITY, &mut found[0]);
     frame.par_closest_point_batch(&points, f32::INFINITY, &mut found[1]);
-    assert!(found.iter().all(|found| *found == expected), "{what}: batches");
+    assert!(
+        found.iter().all(|found| *found == expected),
+        "{what}: batches"
+    );
     let mut found = [vec![false; count], vec![false; count]];
     frame.contains_batch(&points, &mut found[0]);
     frame.par_contains_batch(&points, &mut found[1]);
-    assert!(found.iter().all(|found| *found == inside), "{what}: batches");
+    assert!(
+        found.iter().all(|found| *found == inside),
+        "{what}: batches"
+    );
     let mut found = [vec![None; count], vec![None; count]];
     frame.signed_distance_batch(&points, &mut found[0]);
     frame.par_signed_distance_batch(&points, &mut found[1]);
-    assert!(found.iter().all(|found| *found == distances), "{what}: batches");
+    assert!(
+        found.iter().all(|found| *found == distances),
+        "{what}: batches"
+    );
 }
 
 #[test]
 fn empty_trees_and_frames_answer_nothing() {
     let empty = Mesh::new(vec![], vec![]).expect("valid");
     let tree = KdTree::build(empty, &BuildOptions::default()).expect("valid");
-    assert_eq!(tree.closest_point(Vec3::ZERO, f32::INFINITY), None, "a tree");
+    assert_eq!(
+        tree.closest_point(Vec3::ZERO, f32::INFINITY),
+        None,
+        "a tree"
+    );
     assert_eq!(tree.signed_distance(Vec3::ZERO), None, "a tree");
     assert!(!tree.contains(Vec3::ZERO), "a tree");
     assert_eq!(tree.winding_number(Vec3::ZERO), 0.0, "a tree");
     let scene = Scene::new(BuildOptions::default());
     let frame = scene.snapshot();
-    assert_eq!(frame.closest_point(Vec3::ZERO, f32::INFINITY), None, "a frame");
+    assert_eq!(
+        frame.closest_point(Vec3::ZERO, f32::INFINITY),
+        None,
+        "a frame"
+    );
     assert!(!frame.contains(Vec3::ZERO), "a frame");
 }

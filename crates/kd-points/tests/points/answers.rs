@@ -43,7 +43,10 @@ fn closest_points_equal_brute_force() {
                         closest_point_batch(&trees, &points, max_distance, &mut found, threads > 1);
                     })
                     .expect("two threads");
-                    assert!(found == expected, "a batch: {name}, {tree}, {threads} threads");
+                    assert!(
+                        found == expected,
+                        "a batch: {name}, {tree}, {threads} threads"
+                    );
                 }
             }
         }
@@ -59,8 +62,9 @@ fn signs_equal_brute_force() {
         let of_each = points.iter();
         let inside: Vec<bool> = of_each.map(|p| brute_force::contains(&mesh, *p)).collect();
         let of_each = points.iter();
-        let distances: Vec<Option<f32>> =
-            of_each.map(|p| brute_force::signed_distance(&mesh, *p)).collect();
+        let distances: Vec<Option<f32>> = of_each
+            .map(|p| brute_force::signed_distance(&mesh, *p))
+            .collect();
         for (tree, trees) in trees.all() {
             for ((point, inside), distance) in points.iter().zip(&inside).zip(&distances) {
                 assert_eq!(contains(&trees, *point), *inside, "{name}, {tree}, {point}");
@@ -94,7 +98,11 @@ fn lists_equal_brute_force() {
             .windows(2)
             .map(|pair| {
                 let ((center, radius), (other, _)) = (pair[0], pair[1]);
-                let corner = if radius < 0.3 * diagonal { center } else { other };
+                let corner = if radius < 0.3 * diagonal {
+                    center
+                } else {
+                    other
+                };
                 Aabb::around([center - 0.5 * radius, center + radius, corner])
             })
             .collect();
@@ -115,8 +123,18 @@ fn lists_equal_brute_force() {
             })
             .collect();
         for (tree, trees) in trees.all() {
-            check_spheres(&format!("{name}, {tree}"), &trees, &spheres, &expected_in_spheres);
-            check_boxes(&format!("{name}, {tree}"), &trees, &boxes, &expected_in_boxes);
+            check_spheres(
+                &format!("{name}, {tree}"),
+                &trees,
+                &spheres,
+                &expected_in_spheres,
+            );
+            check_boxes(
+                &format!("{name}, {tree}"),
+                &trees,
+                &boxes,
+                &expected_in_boxes,
+            );
         }
     }
 }
@@ -206,25 +224,39 @@ fn distances_are_those_of_samples() {
     let mesh = scenes::soup();
     for point in points(&mesh, 200, 4) {
         let nearest = brute_force::closest_point(&mesh, point, f32::INFINITY).expect("triangles");
-        let corners = mesh.corners(nearest.triangle).map(|corner| corner.as_dvec3());
+        let corners = mesh
+            .corners(nearest.triangle)
+            .map(|corner| corner.as_dvec3());
         let reported = f64::from(nearest.distance);
         let scale = reported + 1e-3;
         let at_point = nearest.point.as_dvec3().distance(point.as_dvec3());
-        assert!((at_point - reported).abs() < 1e-5 * scale + 1e-6, "{nearest:?}");
+        assert!(
+            (at_point - reported).abs() < 1e-5 * scale + 1e-6,
+            "{nearest:?}"
+        );
         // No sample of any triangle is closer than the reported distance.
         for (triangle, _) in (0..).zip(mesh.triangles()) {
             let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
             for step in 0..=64_u32 {
                 let (i, j) = (step / 8, step % 8);
-                let (u, v) = (f64::from(i) / 8.0, f64::from(j) / 8.0 * (1.0 - f64::from(i) / 8.0));
+                let (u, v) = (
+                    f64::from(i) / 8.0,
+                    f64::from(j) / 8.0 * (1.0 - f64::from(i) / 8.0),
+                );
                 let sample = a + u * (b - a) + v * (c - a);
                 let distance = sample.distance(point.as_dvec3());
-                assert!(distance >= reported - 1e-6 * scale, "{triangle}: {nearest:?}");
+                assert!(
+                    distance >= reported - 1e-6 * scale,
+                    "{triangle}: {nearest:?}"
+                );
             }
         }
         let [a, b, c] = corners;
         let (u, v) = (f64::from(nearest.u), f64::from(nearest.v));
         let by_weights = a + u * (b - a) + v * (c - a);
-        assert!(by_weights.distance(nearest.point.as_dvec3()) < 1e-5, "{nearest:?}");
+        assert!(
+            by_weights.distance(nearest.point.as_dvec3()) < 1e-5,
+            "{nearest:?}"
+        );
     }
 }

@@ -16,9 +16,8 @@ fn torus(around: usize, across: usize) -> Mesh {
     let angle = |i: usize, of: usize| TAU * (i % of) as f32 / of as f32;
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
-    let index = |i: usize, j: usize| {
-        u32::try_from((i % around) * across + j % across).expect("small")
-    };
+    let index =
+        |i: usize, j: usize| u32::try_from((i % around) * across + j % across).expect("small");
     for i in 0..around {
         for j in 0..across {
             let (far, turn) = (angle(j, across), angle(i, around));
@@ -129,7 +128,11 @@ fn points_on_the_surface() {
             let corner = Vec3::from(position);
             for (tree, trees) in trees.all() {
                 assert!(contains(&trees, corner), "{tree}, {corner}");
-                assert_eq!(signed_distance(&trees, corner), Some(0.0), "{tree}, {corner}");
+                assert_eq!(
+                    signed_distance(&trees, corner),
+                    Some(0.0),
+                    "{tree}, {corner}"
+                );
                 let found = closest_point(&trees, corner, 0.0).map(|nearest| nearest.point);
                 assert_eq!(found, Some(corner), "{tree}, {corner}");
             }
@@ -151,7 +154,10 @@ fn parity_agrees_with_solid_angles() {
         for _ in 0..effort::count(300, 3000) {
             let point = rng.vec3() * mesh.bounds().max * 1.1;
             let winding = brute_force::winding_number(&mesh, point).abs();
-            assert!((winding - winding.round()).abs() < 1e-9, "closed: {winding}");
+            assert!(
+                (winding - winding.round()).abs() < 1e-9,
+                "closed: {winding}"
+            );
             check(&trees, point, winding > 0.5);
         }
     }

@@ -3,9 +3,7 @@
 use glam::Vec3;
 use kd_core::Aabb;
 use kd_oracle::{effort, strategies};
-use kd_points::{
-    brute_force, closest_point, contains, triangles_in_box, triangles_in_sphere,
-};
+use kd_points::{brute_force, closest_point, contains, triangles_in_box, triangles_in_sphere};
 use proptest::prelude::*;
 
 use crate::hard::Trees;

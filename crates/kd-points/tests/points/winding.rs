@@ -36,7 +36,10 @@ fn errors_are_within_the_bound() {
 #[test]
 fn batches_and_threads_answer_alike() {
     let mesh = scenes::confetti(4000, 9);
-    let (alone, together) = (WindingNumbers::new(&mesh), WindingNumbers::new_parallel(&mesh));
+    let (alone, together) = (
+        WindingNumbers::new(&mesh),
+        WindingNumbers::new_parallel(&mesh),
+    );
     let mut points = points(&mesh, 1500, 11);
     points.extend(no_points());
     let expected: Vec<f64> = points.iter().map(|point| alone.at(*point)).collect();
@@ -54,17 +57,23 @@ fn batches_and_threads_answer_alike() {
 #[test]
 fn open_surfaces_count_in_part() {
     let sphere = scenes::sphere(4);
-    let upper = (0..).zip(sphere.triangles()).filter_map(|(triangle, &[a, b, c])| {
-        let corners = sphere.corners(triangle);
-        let is_upper = corners.iter().map(|corner| corner.z).sum::<f32>() > 0.0;
-        let is_outward = sphere.normal(triangle).dot(corners[0]) > 0.0;
-        is_upper.then_some(if is_outward { [a, b, c] } else { [a, c, b] })
-    });
+    let upper = (0..)
+        .zip(sphere.triangles())
+        .filter_map(|(triangle, &[a, b, c])| {
+            let corners = sphere.corners(triangle);
+            let is_upper = corners.iter().map(|corner| corner.z).sum::<f32>() > 0.0;
+            let is_outward = sphere.normal(triangle).dot(corners[0]) > 0.0;
+            is_upper.then_some(if is_outward { [a, b, c] } else { [a, c, b] })
+        });
     let mesh = Mesh::new(sphere.positions().to_vec(), upper.collect()).expect("valid");
     assert!(!mesh.is_closed(), "half of it");
     let numbers = WindingNumbers::new(&mesh);
     let at = |x: f32, y: f32, z: f32| numbers.at(Vec3::new(x, y, z)).abs();
-    assert!((at(0.0, 0.0, 0.0) - 0.5).abs() < 0.03, "{}", at(0.0, 0.0, 0.0));
+    assert!(
+        (at(0.0, 0.0, 0.0) - 0.5).abs() < 0.03,
+        "{}",
+        at(0.0, 0.0, 0.0)
+    );
     assert!(at(0.0, 0.0, 0.9) > 0.8, "near the middle of the shell");
     assert!(at(0.0, 0.0, -0.9) < 0.2, "far outside of the opening");
 }

@@ -32,7 +32,15 @@ impl<V: Version> Scene<V> {
         let data: *mut c_void = ptr::from_mut(&mut search).cast();
         let point_query = self.handles.functions.common.point_query;
         // SAFETY: the scene is committed; query, context and data outlive the call, and the function expects such data.
-        unsafe { point_query(self.handles.scene, &raw mut query, &raw mut context, visit, data) };
+        unsafe {
+            point_query(
+                self.handles.scene,
+                &raw mut query,
+                &raw mut context,
+                visit,
+                data,
+            )
+        };
         query.radius
     }
 }
