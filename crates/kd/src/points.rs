@@ -162,7 +162,7 @@ impl KdTree {
     /// and dirty meshes. 0 for a point that is not finite.
     ///
     /// The first call makes a hierarchy ([`WindingNumbers`]), which takes about as long as a build of [`fast`](crate::BuildOptions::fast), and
-    /// about 300 bytes a triangle.
+    /// about 100 bytes a triangle.
     pub fn winding_number(&self, point: impl Into<Vec3>) -> f64 {
         self.winding_numbers().at(point)
     }
