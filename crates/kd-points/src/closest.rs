@@ -29,7 +29,7 @@ pub(crate) struct Best {
     point: Vec3,
     /// Its squared distance, or that of the limit.
     squared: f64,
-    triangle: Option<Candidate>,
+    triangle: Option<(Candidate, Foot)>,
 }
 
 impl Best {
@@ -46,26 +46,29 @@ impl Best {
     /// Takes a triangle that is closer, or as close and lower.
     #[inline(always)]
     pub(crate) fn take(&mut self, candidate: Candidate) -> bool {
-        let squared = Foot::new(self.point, candidate.corners).squared;
-        let is_lower = || {
-            let slot = self.triangle.map(|triangle| triangle.slot);
-            slot.is_none_or(|slot| candidate.slot < slot)
-        };
-        let is_better = squared < self.squared || (squared == self.squared && is_lower());
+        let foot = Foot::new(self.point, candidate.corners);
+        let is_lower = || self.slot().is_none_or(|slot| candidate.slot < slot);
+        let is_better =
+            foot.squared < self.squared || (foot.squared == self.squared && is_lower());
         if is_better {
-            self.squared = squared;
-            self.triangle = Some(candidate);
+            self.squared = foot.squared;
+            self.triangle = Some((candidate, foot));
         }
         is_better
     }
 
+    #[inline(always)]
+    fn slot(&self) -> Option<u32> {
+        self.triangle.map(|(candidate, _)| candidate.slot)
+    }
+
     pub(crate) fn triangle(&self) -> Option<Candidate> {
-        self.triangle
+        self.triangle.map(|(candidate, _)| candidate)
     }
 
     pub(crate) fn nearest(&self) -> Option<Nearest> {
-        let Candidate { slot, corners } = self.triangle?;
-        Some(Foot::new(self.point, corners).answer(corners, slot))
+        let (Candidate { slot, corners }, foot) = self.triangle?;
+        Some(foot.answer(corners, slot))
     }
 
     /// Looks for a closer triangle in a tree.
@@ -244,8 +247,13 @@ impl<S: Simd> Search<'_, S> {
                 }
             }
             left &= !(1 << lane);
+            let slot = block.triangles[lane];
+            // The triangle that a search begins with, or one that is in several leaves.
+            if self.best.slot() == Some(slot) {
+                continue;
+            }
             let candidate = Candidate {
-                slot: block.triangles[lane],
+                slot,
                 corners: block.corners_of(lane),
             };
             if self.best.take(candidate) {

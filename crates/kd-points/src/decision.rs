@@ -3,8 +3,8 @@
 //! Candidates are the closest points of the three edges, and the foot of the perpendicular where it is inside. After C. Ericson,
 //! *Real-Time Collision Detection*, 2005, section 5.1.5, with these differences:
 //!
-//! - Each edge is measured from its lower end, in the order of x, y, z. So the squared distance to an edge or to a corner is the same
-//!   number for all triangles around it, and ties are real ties.
+//! - Edges are computed alike from both ends: only by sums and products of numbers that are swapped or negated with the ends. So the squared
+//!   distance to an edge or to a corner is the same number for all triangles around it, and ties are real ties.
 //! - The foot has weights that are products of three differences, and not of four: thin triangles keep them.
 //! - A point that is on the triangle exactly has distance 0, and no other has.
 //!
@@ -25,8 +25,10 @@ const LEAST_SQUARE: f64 = 1.0 / (1_u128 << 80) as f64;
 /// A corner, and the way to it from the point.
 #[derive(Clone, Copy)]
 struct Corner {
-    place: Vec3,
+    place: DVec3,
     way: DVec3,
+    /// Of the way.
+    squared: f64,
 }
 
 /// The closest point of a triangle.
@@ -39,9 +41,10 @@ pub(crate) struct Foot {
     feature: Feature,
 }
 
-/// The closest point of an edge: how much of the way from its first end to its second, 0 to 1.
+/// The closest point of an edge, by the weights of its ends.
+#[derive(Clone, Copy)]
 struct OnEdge {
-    part: f64,
+    weights: [f64; 2],
     squared: f64,
 }
 
@@ -50,19 +53,30 @@ impl Foot {
     #[inline(always)]
     pub(crate) fn new(point: Vec3, corners: [Vec3; 3]) -> Self {
         let from = point.as_dvec3();
-        let [a, b, c] = corners.map(|place| Corner {
-            place,
-            way: place.as_dvec3() - from,
-        });
-        let mut nearest = Self::on_edge(0, OnEdge::new(a, b));
-        for (number, edge) in [(1, OnEdge::new(b, c)), (2, OnEdge::new(c, a))] {
-            if edge.squared < nearest.squared {
-                nearest = Self::on_edge(number, edge);
+        let corner = |place: Vec3| {
+            let place = place.as_dvec3();
+            let way = place - from;
+            let squared = way.length_squared();
+            Corner {
+                place,
+                way,
+                squared,
+            }
+        };
+        let [a, b, c] = [corner(corners[0]), corner(corners[1]), corner(corners[2])];
+        let edges = [OnEdge::new(a, b), OnEdge::new(b, c), OnEdge::new(c, a)];
+        let (mut number, mut edge) = (0, edges[0]);
+        for (other_number, other) in [(1, edges[1]), (2, edges[2])] {
+            if other.squared < edge.squared {
+                (number, edge) = (other_number, other);
             }
         }
+        let mut nearest = Self::on_edge(number, edge);
         let weights = weights(a, b, c);
         if weights.iter().all(|weight| *weight > 0.0) {
-            let weights = weights.map(|weight| weight / weights.iter().sum::<f64>());
+            let [u, v, w] = weights;
+            let scale = 1.0 / (u + v + w);
+            let weights = [u * scale, v * scale, w * scale];
             let [u, v, w] = weights;
             let squared = (a.way * u + b.way * v + c.way * w).length_squared();
             if squared < nearest.squared {
@@ -73,28 +87,28 @@ impl Foot {
                 };
             }
         }
-        let size = a.way.length_squared() + b.way.length_squared() + c.way.length_squared();
-        if nearest.squared <= LEAST_SQUARE * size {
+        if nearest.squared <= LEAST_SQUARE * (a.squared + b.squared + c.squared) {
             nearest.squared = exact_square(nearest.squared, point, corners);
         }
         nearest
     }
 
     #[inline(always)]
-    fn on_edge(number: u8, OnEdge { part, squared }: OnEdge) -> Self {
+    fn on_edge(number: u8, edge: OnEdge) -> Self {
         let next = (number + 1) % 3;
+        let [from, to] = edge.weights;
         let mut weights = [0.0; 3];
-        weights[usize::from(number)] = 1.0 - part;
-        weights[usize::from(next)] = part;
-        let feature = if part == 0.0 {
+        weights[usize::from(number)] = from;
+        weights[usize::from(next)] = to;
+        let feature = if to == 0.0 {
             Feature::Corner(number)
-        } else if part == 1.0 {
+        } else if from == 0.0 {
             Feature::Corner(next)
         } else {
             Feature::Edge(number)
         };
         Self {
-            squared,
+            squared: edge.squared,
             weights,
             feature,
         }
@@ -125,45 +139,38 @@ impl Foot {
 impl OnEdge {
     #[inline(always)]
     fn new(from: Corner, to: Corner) -> Self {
-        if is_before(to.place, from.place) {
-            let Self { part, squared } = Self::of_ordered(to, from);
+        let along = to.place - from.place;
+        // How far the closest point of the line is from both ends, times the length of the edge.
+        let from_here = -from.way.dot(along);
+        let from_there = to.way.dot(along);
+        if from_here > 0.0 && from_there > 0.0 {
+            let scale = 1.0 / (from_here + from_there);
+            let (here, there) = (from_there * scale, from_here * scale);
             return Self {
-                part: 1.0 - part,
-                squared,
+                weights: [here, there],
+                squared: (from.way * here + to.way * there).length_squared(),
             };
         }
-        Self::of_ordered(from, to)
-    }
-
-    #[inline(always)]
-    fn of_ordered(from: Corner, to: Corner) -> Self {
-        let along = to.place.as_dvec3() - from.place.as_dvec3();
-        let part = -from.way.dot(along) / along.length_squared();
-        if part > 0.0 && part < 1.0 {
-            let squared = (from.way + along * part).length_squared();
-            Self { part, squared }
-        } else if part >= 1.0 {
-            let squared = to.way.length_squared();
-            Self { part: 1.0, squared }
+        // Rounding may put it beyond both ends of a short edge that is far away.
+        if from.squared <= to.squared {
+            Self {
+                weights: [1.0, 0.0],
+                squared: from.squared,
+            }
         } else {
-            let squared = from.way.length_squared();
-            Self { part: 0.0, squared }
+            Self {
+                weights: [0.0, 1.0],
+                squared: to.squared,
+            }
         }
     }
-}
-
-/// The order of x, then y, then z.
-#[inline(always)]
-fn is_before(a: Vec3, b: Vec3) -> bool {
-    a.x < b.x || (a.x == b.x && (a.y < b.y || (a.y == b.y && a.z < b.z)))
 }
 
 /// How much each corner counts at the foot of the perpendicular, up to a common factor that is at least 0: the volumes of the tetrahedra
 /// of the normal, the point and each edge.
 #[inline(always)]
 fn weights(a: Corner, b: Corner, c: Corner) -> [f64; 3] {
-    let from = a.place.as_dvec3();
-    let normal = (b.place.as_dvec3() - from).cross(c.place.as_dvec3() - from);
+    let normal = (b.place - a.place).cross(c.place - a.place);
     [
         normal.dot(b.way.cross(c.way)),
         normal.dot(c.way.cross(a.way)),
