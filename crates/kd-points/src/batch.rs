@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 use kd_core::Aabb;
-use kd_wide::{Item, in_morton_order};
 
 use crate::closest::{Best, Candidate};
 use crate::inside::{contains_with, signed};
 use crate::nearest::Nearest;
+use crate::order::along_a_curve;
 use crate::tree::PointTree;
 use crate::winding::WindingNumbers;
 use crate::within::{triangles_in_box, triangles_in_sphere};
@@ -15,6 +15,8 @@ use crate::within::{triangles_in_box, triangles_in_sphere};
 const MOST_SORTED: usize = 1 << 20;
 /// Points of a task.
 const TASK: usize = 1 << 9;
+/// Tasks whose answers are put in their places together, while they are in a cache.
+const TASKS: usize = 1 << 7;
 
 /// Lists of triangles, one after the other.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -210,34 +212,16 @@ fn in_sorted_tasks<T: Send>(
     assert_eq!(points.len(), out.len(), "one answer per point");
     for (points, out) in points.chunks(MOST_SORTED).zip(out.chunks_mut(MOST_SORTED)) {
         let order = along_a_curve(points, is_parallel);
-        let answers = kd_tasks::map(
-            order.chunks(TASK).collect(),
-            is_parallel,
-            |places: &[u32]| {
-                let neighbors: Vec<Vec3> =
-                    places.iter().map(|place| points[*place as usize]).collect();
-                answer(&neighbors)
-            },
-        );
-        for (place, answer) in order.iter().zip(answers.into_iter().flatten()) {
-            out[*place as usize] = answer;
+        let tasks_at_once = if is_parallel { TASKS } else { 1 };
+        for places in order.chunks(TASK * tasks_at_once) {
+            let tasks = places.chunks(TASK).collect();
+            let answers = kd_tasks::map(tasks, is_parallel, |places: &[u32]| {
+                let neighbors = places.iter().map(|place| points[*place as usize]);
+                answer(&neighbors.collect::<Vec<Vec3>>())
+            });
+            for (place, answer) in places.iter().zip(answers.into_iter().flatten()) {
+                out[*place as usize] = answer;
+            }
         }
     }
-}
-
-/// The numbers of points, so that neighbors follow each other.
-fn along_a_curve(points: &[Vec3], is_parallel: bool) -> Vec<u32> {
-    let numbered = (0..).zip(points);
-    // A point that is not finite has no place; its answer needs none.
-    let item = |(number, &point): (u32, &Vec3)| {
-        let place = if point.is_finite() { point } else { Vec3::ZERO };
-        let bounds = Aabb {
-            min: place,
-            max: place,
-        };
-        Item::within(bounds, number)
-    };
-    let items: Vec<Item> = numbered.map(item).collect();
-    let sorted = in_morton_order(&items, is_parallel);
-    sorted.iter().map(Item::number).collect()
 }

@@ -48,8 +48,7 @@ impl Best {
     pub(crate) fn take(&mut self, candidate: Candidate) -> bool {
         let foot = Foot::new(self.point, candidate.corners);
         let is_lower = || self.slot().is_none_or(|slot| candidate.slot < slot);
-        let is_better =
-            foot.squared < self.squared || (foot.squared == self.squared && is_lower());
+        let is_better = foot.squared < self.squared || (foot.squared == self.squared && is_lower());
         if is_better {
             self.squared = foot.squared;
             self.triangle = Some((candidate, foot));

@@ -37,7 +37,7 @@
 //! | `closest.rs` | the closest point: nodes from near to far |
 //! | `gather.rs`, `within.rs`, `inside.rs` | all triangles of a region: boxes, spheres, and what a ray crosses |
 //! | `winding.rs` | winding numbers and their hierarchy |
-//! | `batch.rs` | many points at once |
+//! | `batch.rs`, `order.rs` | many points at once, neighbors one after the other |
 //! | `brute_force.rs` | every triangle, one by one |
 #![forbid(unsafe_code)]
 
@@ -49,6 +49,7 @@ mod exact;
 mod gather;
 mod inside;
 mod nearest;
+mod order;
 mod reach;
 mod tree;
 mod triangles;
