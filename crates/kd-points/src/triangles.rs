@@ -125,3 +125,99 @@ fn closest<S: Simd>(
     let foot = ahead(ahead(a, v, ab), w, ac);
     either(is_inside, foot, edge)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use kd_core::{Aabb, is_zero_area};
+    use kd_oracle::effort;
+    use kd_simd::{Level, Task};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::decision::Foot;
+    use crate::reach::Reach;
+
+    /// Whether each of eight triangles may be as close as it is, and whether its box may.
+    struct Kept<'a> {
+        reach: Reach,
+        block: &'a Block,
+        faces: [[[f32; LANES]; 2]; 3],
+        squares: [f64; LANES],
+    }
+
+    impl<S: Simd> Task<S> for &Kept<'_> {
+        type Output = [bool; LANES];
+
+        #[inline(always)]
+        fn run(self, simd: S) -> [bool; LANES] {
+            let lanes = self.reach.lanes(simd);
+            let estimates = Estimates::new(simd, &lanes, self.block);
+            let boxes = lanes.squared_distances(simd, &self.faces);
+            let mut kept = [false; LANES];
+            for (lane, kept) in kept.iter_mut().enumerate() {
+                let limit = self.reach.limit(self.squares[lane]);
+                let boxes = boxes.le(simd.splat(limit)).bits();
+                *kept = (estimates.within(simd, limit) & boxes) >> lane & 1 == 1;
+            }
+            kept
+        }
+    }
+
+    fn place() -> impl Strategy<Value = Vec3> {
+        let one =
+            || prop_oneof![3 => -1.0_f32..1.0, 1 => (-2_i8..=2).prop_map(|x| 0.5 * f32::from(x))];
+        [one(), one(), one()].prop_map(Vec3::from_array)
+    }
+
+    /// Triangles of any size and shape, thin ones included.
+    fn triangle() -> impl Strategy<Value = [Vec3; 3]> {
+        let size = prop_oneof![Just(1.0_f32), Just(1e-2), Just(1e-4), Just(1e-6)];
+        (place(), [place(), place(), place()], size, 0_u8..3).prop_map(
+            |(center, [a, b, c], size, shape)| {
+                let c = match shape {
+                    0 => a.lerp(b, c.x) + 1e-6 * c,
+                    _ => c,
+                };
+                [a, b, c].map(|corner| center + size * corner)
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(effort::cases(4_000, 40_000)))]
+
+        /// No triangle is rejected at its own distance, at any scale and from any distance, on both levels.
+        #[test]
+        fn nothing_is_lost(
+            triangles in prop::array::uniform8(triangle()),
+            from in place(),
+            share in prop_oneof![Just(0.0_f32), Just(1e-6), Just(1e-3), Just(1.0), Just(1e4)],
+            scale in prop::sample::select(vec![1.0_f32, 1e-3, 1e12, 1e25, 1e33, 1e-12, 1e-25, 1e-38]),
+        ) {
+            // On the first triangle, near it, or far from all.
+            let [a, b, c] = triangles[0];
+            let point = (a.midpoint(b).lerp(c, 0.3) + share * from) * scale;
+            let triangles = triangles.map(|corners| corners.map(|corner| corner * scale));
+            prop_assume!(!triangles.iter().any(|corners| is_zero_area(*corners)));
+            let mut block = Block::EMPTY;
+            let mut faces = [[[0.0; LANES]; 2]; 3];
+            let mut squares = [0.0; LANES];
+            for (lane, corners) in triangles.into_iter().enumerate() {
+                block.set(lane, 0, corners);
+                squares[lane] = Foot::new(point, corners).squared;
+                let bounds = Aabb::around(corners);
+                for (axis, [starts, ends]) in faces.iter_mut().enumerate() {
+                    starts[lane] = bounds.min[axis];
+                    ends[lane] = bounds.max[axis];
+                }
+            }
+            let bounds = Aabb::around(triangles.into_iter().flatten());
+            let reach = Reach::new(point, &bounds);
+            let kept = Kept { reach, block: &block, faces, squares };
+            for level in [Level::portable(), Level::detect()] {
+                prop_assert_eq!(level.run(&kept), [true; LANES], "{}: {} {:?}", level, point, triangles);
+            }
+        }
+    }
+}

@@ -6,9 +6,9 @@ use std::hash::Hash;
 use kd::scene::{CommitAction, CommitError, CommitReport, SceneError};
 use kd::tree::{Axis, Node, NodeIndex, Tree};
 use kd::{
-    Aabb, Accel, BuildError, BuildOptions, CostModel, Frame, FrameData, Hit, KdTree, Layout,
-    LazyTree, MergeMethod, Mesh, Method, PartId, Ray, RayBudget, RayPacket8, Scene, Strategy,
-    TreeStats,
+    Aabb, Accel, BuildError, BuildOptions, CostModel, Feature, Frame, FrameData, Hit, KdTree,
+    Layout, LazyTree, MergeMethod, Mesh, Method, Nearest, PartId, Ray, RayBudget, RayPacket8,
+    Scene, Strategy, TreeStats,
 };
 
 fn shared<T: Send + Sync + Debug>() {}
@@ -26,6 +26,7 @@ fn structures_are_shared_between_threads() {
     shared::<Frame<'_>>();
     shared::<FrameData>();
     shared::<Tree>();
+    shared::<kd::points::WindingNumbers>();
 }
 
 #[test]
@@ -34,6 +35,9 @@ fn data_are_values() {
     value::<Ray>();
     value::<RayPacket8>();
     value::<Hit>();
+    value::<Nearest>();
+    value::<kd::points::TriangleLists>();
+    key::<Feature>();
     value::<Aabb>();
     value::<CostModel>();
     value::<BuildOptions>();
