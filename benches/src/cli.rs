@@ -11,6 +11,7 @@ use crate::first_ray::FirstRayArgs;
 use crate::instructions::InstructionsArgs;
 use crate::merges::MergesArgs;
 use crate::paper::PaperArgs;
+use crate::points::PointsArgs;
 use crate::queries::QueriesArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::results::ResultsArgs;
@@ -57,6 +58,10 @@ pub(crate) enum Command {
     Structures(SceneTableArgs),
     /// Print the speed of rays through spheres of a program's own, over Embree's user geometry, with goals
     Spheres(SpheresArgs),
+    /// Print how fast points are answered: closest points near and far, inside or not, winding numbers; with --peers over rivals, with goals
+    ///
+    /// With --scenes and no --scene: the meshes of the goals, or every mesh of a folder without them.
+    Points(PointsArgs),
     /// Reproduce a table of one of the papers, beside our figures
     Paper(Box<PaperArgs>),
     /// Count instructions per ray, which do not depend on the load of the machine

@@ -4,8 +4,8 @@
 //! Every command measures cells ([`record`]) of a scene ([`session`]) and prints views of them ([`view`], [`summary`]). Modules
 //! import from those below: commands, then session, workload and structures, then record, names and helpers.
 //!
-//! Started by `cargo xtask bench | builds | files | first-ray | rays | merges | structures | spheres | paper | instructions | report | calibrate |
-//! compare | results`.
+//! Started by `cargo xtask bench | builds | files | first-ray | rays | queries | merges | points | structures | spheres | paper |
+//! instructions | report | calibrate | compare | results`.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -32,6 +32,7 @@ mod paper;
 mod peers;
 mod picture;
 mod plots;
+mod points;
 mod queries;
 mod ray_speeds;
 mod rays;
@@ -72,6 +73,7 @@ fn main() -> ExitCode {
         Command::Merges(arguments) => merges::run(&arguments),
         Command::Structures(arguments) => structures::run(&arguments),
         Command::Spheres(arguments) => spheres::run(&arguments),
+        Command::Points(arguments) => points::run(&arguments),
         Command::Paper(arguments) => paper::run(&arguments),
         Command::Instructions(arguments) => instructions::run(&arguments),
         Command::Report { run } => report::rewrite(&run),

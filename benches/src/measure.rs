@@ -120,16 +120,17 @@ pub(crate) fn trace(
     }
 }
 
-fn in_chunks<T: Send>(
-    rays: &[Ray],
+/// Answers all questions on `threads` threads, some thousands at a time.
+pub(crate) fn in_chunks<Q: Sync, T: Send>(
+    questions: &[Q],
     answers: &mut [T],
     threads: usize,
-    trace: impl Fn(&[Ray], &mut [T]) + Sync,
+    answer: impl Fn(&[Q], &mut [T]) + Sync,
 ) {
     if threads == 1 {
-        return trace(rays, answers);
+        return answer(questions, answers);
     }
-    let queue = Mutex::new(rays.chunks(CHUNK).zip(answers.chunks_mut(CHUNK)));
+    let queue = Mutex::new(questions.chunks(CHUNK).zip(answers.chunks_mut(CHUNK)));
     let next = || {
         queue
             .lock()
@@ -139,8 +140,8 @@ fn in_chunks<T: Send>(
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                while let Some((rays, answers)) = next() {
-                    trace(rays, answers);
+                while let Some((questions, answers)) = next() {
+                    answer(questions, answers);
                 }
             });
         }

@@ -68,6 +68,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::run("merges", arguments),
     },
     Command {
+        name: "points",
+        arguments: "[OPTIONS]",
+        help: "measure closest points, inside tests and winding numbers, with --peers over rivals (`points --help`)",
+        run: |arguments| bench::run("points", arguments),
+    },
+    Command {
         name: "structures",
         arguments: "[OPTIONS]",
         help: "measure grids and hierarchies, over rivals and the default tree (`structures --help`)",

@@ -23,6 +23,7 @@ mod aabb;
 mod arena;
 mod axis;
 mod clip;
+mod closed;
 mod cost;
 mod culling;
 mod exact;

@@ -17,6 +17,7 @@ use rayon::ThreadPoolBuilder;
 pub(crate) use bvh::build as bvh;
 pub(crate) use obvhs::build as obvhs;
 pub(crate) use parry3d::build as parry3d;
+pub(crate) use parry3d::points as parry3d_points;
 
 use crate::queries::restarted_hits;
 use crate::{Built, Options, Queries, RivalError};

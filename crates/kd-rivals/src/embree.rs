@@ -9,7 +9,9 @@ use kd_core::{Hit, Mesh, Ray, RayPacket8};
 use kd_trace::{Primitives, RayQuery};
 
 use crate::queries::restarted_hits;
-use crate::{Built, Bytes, EmbreeBuild, FIRST, Following, Moving, Purpose, Queries, RivalError};
+use crate::{
+    Built, Bytes, EmbreeBuild, FIRST, Following, Moving, PointQueries, Purpose, Queries, RivalError,
+};
 use api::{
     Committed, Embree, Geometry, Hit1, Input, NOTHING, Quality, Ray1, Ray8, RayHit1, RayHit8,
     Scene, SceneFlags, Version,
@@ -132,6 +134,35 @@ impl<V: Version, P: Primitives + Send> Queries for Committed<V, P> {
 
     fn occluded_each(&self, rays: &[Ray], occluded: &mut [bool]) {
         self.scene.occluded_each(rays, occluded);
+    }
+}
+
+/// A scene for closest points, of medium quality.
+pub(crate) fn points(mesh: &Mesh, threads: usize) -> Result<Box<dyn PointQueries>, RivalError> {
+    let (qualities, flags) = ([Quality::Medium; 2], SceneFlags::Usual);
+    Ok(match api::library()? {
+        Embree::V3(functions) => Box::new(Points {
+            scene: Input::new(functions, mesh, qualities, flags, threads)?.commit()?,
+            mesh: mesh.clone(),
+        }),
+        Embree::V4(functions) => Box::new(Points {
+            scene: Input::new(functions, mesh, qualities, flags, threads)?.commit()?,
+            mesh: mesh.clone(),
+        }),
+    })
+}
+
+/// A scene and its mesh, which closest points need.
+struct Points<V: Version> {
+    scene: Scene<V>,
+    mesh: Mesh,
+}
+
+impl<V: Version> PointQueries for Points<V> {
+    fn distances(&self, points: &[[f32; 3]], out: &mut [f32]) {
+        for (point, distance) in points.iter().zip(out) {
+            *distance = self.scene.distance(&self.mesh, *point);
+        }
     }
 }
 

@@ -39,6 +39,7 @@ mod embree;
 mod error;
 #[cfg(not(all(feature = "crates", feature = "embree", feature = "tinybvh")))]
 mod missing;
+mod points;
 mod queries;
 
 #[cfg(feature = "tinybvh")]
@@ -53,6 +54,7 @@ use missing::embree;
 use missing::tinybvh;
 
 pub use error::RivalError;
+pub use points::{PointQueries, PointRival};
 pub use queries::{FIRST, Queries, Restarting};
 
 /// The environment variable that names the file of Embree.

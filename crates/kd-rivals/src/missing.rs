@@ -4,7 +4,7 @@
 pub(crate) mod crates {
     use kd_core::Mesh;
 
-    use crate::{Built, ObvhsBuild, Options, RivalError};
+    use crate::{Built, ObvhsBuild, Options, PointQueries, RivalError};
 
     const MISSING: RivalError = RivalError::NotCompiled("crates");
 
@@ -21,6 +21,10 @@ pub(crate) mod crates {
     }
 
     pub(crate) fn parry3d(_: &Mesh, _: Options) -> Result<Built, RivalError> {
+        Err(MISSING)
+    }
+
+    pub(crate) fn parry3d_points(_: &Mesh) -> Result<Box<dyn PointQueries>, RivalError> {
         Err(MISSING)
     }
 }
@@ -40,7 +44,7 @@ pub(crate) mod tinybvh {
 pub(crate) mod embree {
     use kd_core::Mesh;
 
-    use crate::{Built, EmbreeBuild, Following, Moving, Purpose, RivalError};
+    use crate::{Built, EmbreeBuild, Following, Moving, PointQueries, Purpose, RivalError};
 
     const MISSING: RivalError = RivalError::NotCompiled("embree");
 
@@ -58,6 +62,10 @@ pub(crate) mod embree {
     }
 
     pub(crate) fn build_primitives<P>(_: P, _: usize) -> Result<Built, RivalError> {
+        Err(MISSING)
+    }
+
+    pub(crate) fn points(_: &Mesh, _: usize) -> Result<Box<dyn PointQueries>, RivalError> {
         Err(MISSING)
     }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
+use kd_points::WindingNumbers;
 use kd_sah::{BuildError, BuildOptions, BuildProgress};
 use kd_trace::{Level, RayQuery, delegate_ray_query};
 
@@ -32,6 +33,8 @@ pub struct KdTree {
     tree: OnceLock<Tree>,
     pub(crate) layout: TreeLayout,
     options: BuildOptions,
+    /// Made on demand, and shared by copies.
+    pub(crate) winding: OnceLock<Arc<WindingNumbers>>,
 }
 
 impl KdTree {
@@ -94,6 +97,7 @@ impl KdTree {
             tree: tree.map_or_else(OnceLock::new, OnceLock::from),
             layout,
             options: options.clone(),
+            winding: OnceLock::new(),
         })
     }
 
@@ -243,6 +247,7 @@ impl KdTree {
             tree: tree.into(),
             layout,
             options: options.clone(),
+            winding: OnceLock::new(),
         })
     }
 

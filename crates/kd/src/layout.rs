@@ -30,6 +30,7 @@
 use std::ops::ControlFlow;
 
 use kd_core::{Hit, Mesh, Ray, Tree};
+use kd_points::PointTree;
 use kd_sah::{BuildError, BuildProgress};
 use kd_tasks::Cancelled;
 use kd_trace::kit::{self, Collect};
@@ -240,6 +241,15 @@ impl TreeLayout {
         match self {
             Self::Binary(tree) => TreeLayoutRef::Binary(tree),
             Self::Wide(tree) => TreeLayoutRef::Wide(tree),
+        }
+    }
+}
+
+impl<'a> From<TreeLayoutRef<'a>> for PointTree<'a> {
+    fn from(layout: TreeLayoutRef<'a>) -> Self {
+        match layout {
+            TreeLayoutRef::Binary(tree) => Self::Packed(tree),
+            TreeLayoutRef::Wide(tree) => Self::Wide(tree),
         }
     }
 }

@@ -93,6 +93,26 @@
 //! A [`PrimitiveTree`](custom::PrimitiveTree) has the queries of [`RayQuery`] over spheres, curves or any other primitives that say where
 //! they are and where a ray meets them: see [`custom`].
 //!
+//! # Points
+//!
+//! A tree also answers points. [`points`] has the whole list.
+//!
+//! | query | returns |
+//! |---|---|
+//! | [`KdTree::closest_point`] | the [`Nearest`] point of the mesh, within a distance |
+//! | [`KdTree::contains`], [`KdTree::signed_distance`] | inside or not, by an exact parity; for closed meshes |
+//! | [`KdTree::winding_number`] | how often the surface winds around a point; for open meshes, too |
+//! | [`KdTree::triangles_in_box`], [`KdTree::triangles_in_sphere`] | the triangles that meet a box or a sphere |
+//!
+//! ```
+//! # use kd::{BuildOptions, KdTree, Mesh};
+//! # let mesh = Mesh::new(vec![[-9.0, -9.0, 1.0], [9.0, -9.0, 1.0], [0.0, 9.0, 1.0]], vec![[0, 1, 2]])?;
+//! # let tree = KdTree::build(mesh, &BuildOptions::default())?;
+//! let nearest = tree.closest_point([0.0, 0.0, 3.0], f32::INFINITY).expect("there is a triangle");
+//! assert_eq!((nearest.triangle, nearest.distance), (0, 2.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Moving parts
 //!
 //! A [`Scene`] has static and moving parts. A [`commit`](Scene::commit) makes a [`Frame`] of them, which has the same queries and
@@ -144,6 +164,7 @@ pub mod custom;
 mod kd_tree;
 pub mod layout;
 mod lazy_tree;
+pub mod points;
 mod queries;
 pub mod scene;
 pub mod world;
@@ -154,6 +175,7 @@ pub use kd_core::{
     Aabb, CostModel, Culling, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats,
     offset_origin,
 };
+pub use kd_points::{Feature, Nearest};
 pub use kd_sah::{BuildError, BuildOptions, Method, WideNodes};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};

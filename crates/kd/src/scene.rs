@@ -5,6 +5,7 @@ mod error;
 mod forests;
 mod frame;
 mod frame_parts;
+mod frame_points;
 mod merged;
 mod moving;
 mod part;

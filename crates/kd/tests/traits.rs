@@ -7,9 +7,9 @@ use kd::scene::{CommitAction, CommitError, CommitReport, SceneError};
 use kd::tree::{Axis, Node, NodeIndex, Tree};
 use kd::world::{World, WorldMesh, WorldRay};
 use kd::{
-    Aabb, Accel, BuildError, BuildOptions, CostModel, Frame, FrameData, Hit, KdTree, Layout,
-    LazyTree, MergeMethod, Mesh, Method, PartId, Ray, RayBudget, RayPacket8, Scene, Strategy,
-    TreeStats,
+    Aabb, Accel, BuildError, BuildOptions, CostModel, Feature, Frame, FrameData, Hit, KdTree,
+    Layout, LazyTree, MergeMethod, Mesh, Method, Nearest, PartId, Ray, RayBudget, RayPacket8,
+    Scene, Strategy, TreeStats,
 };
 
 fn shared<T: Send + Sync + Debug>() {}
@@ -29,6 +29,7 @@ fn structures_are_shared_between_threads() {
     shared::<World<KdTree>>();
     shared::<World<Frame<'_>>>();
     shared::<Tree>();
+    shared::<kd::points::WindingNumbers>();
 }
 
 #[test]
@@ -39,6 +40,9 @@ fn data_are_values() {
     value::<WorldRay>();
     value::<RayPacket8>();
     value::<Hit>();
+    value::<Nearest>();
+    value::<kd::points::TriangleLists>();
+    key::<Feature>();
     value::<Aabb>();
     value::<CostModel>();
     value::<BuildOptions>();

@@ -12,6 +12,10 @@ const EDGES: &[(&str, &[&str])] = &[
     ("kd-merge", &["kd-core", "kd-sah", "kd-tasks"]),
     ("kd-wide", &["kd-core", "kd-simd", "kd-tasks"]),
     ("kd-trace", &["kd-core", "kd-simd", "kd-tasks", "kd-wide"]),
+    (
+        "kd-points",
+        &["kd-core", "kd-simd", "kd-tasks", "kd-trace", "kd-wide"],
+    ),
     ("kd-grid", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-tasks", "kd-trace"]),
@@ -26,6 +30,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "kd-core",
             "kd-grid",
             "kd-merge",
+            "kd-points",
             "kd-sah",
             "kd-select",
             "kd-tasks",

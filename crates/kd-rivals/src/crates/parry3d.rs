@@ -4,13 +4,31 @@ use kd_core::{Hit, Mesh, Ray};
 use parry3d::shape::{CompositeShapeRef, TriMesh};
 
 use super::Trace;
-use crate::{Built, Options, RivalError};
+use crate::{Built, Options, PointQueries, RivalError};
 
 /// Builds on one thread for any number of threads: the crate has no parallel build.
 pub(crate) fn build(mesh: &Mesh, options: Options) -> Result<Built, RivalError> {
     let positions = mesh.positions().iter().map(|at| (*at).into()).collect();
     let triangles = mesh.triangles().to_vec();
     super::build(options, || TriMesh::new(positions, triangles).map(Parry))
+}
+
+/// A mesh for closest points.
+pub(crate) fn points(mesh: &Mesh) -> Result<Box<dyn PointQueries>, RivalError> {
+    let positions = mesh.positions().iter().map(|at| (*at).into()).collect();
+    let built = TriMesh::new(positions, mesh.triangles().to_vec());
+    Ok(Box::new(Parry(built.map_err(super::failed)?)))
+}
+
+impl PointQueries for Parry {
+    fn distances(&self, points: &[[f32; 3]], out: &mut [f32]) {
+        let mesh = CompositeShapeRef(&self.0);
+        for (point, distance) in points.iter().zip(out) {
+            let point = (*point).into();
+            let found = mesh.project_local_point(point, f32::MAX, false);
+            *distance = found.map_or(f32::INFINITY, |(_, at)| at.point.distance(point));
+        }
+    }
 }
 
 /// The ray from `t_min` on: the crate's ranges start at 0.

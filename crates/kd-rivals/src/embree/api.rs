@@ -10,6 +10,7 @@
 )]
 
 mod library;
+mod points;
 mod primitives;
 mod shared;
 mod v3;

@@ -122,6 +122,29 @@ impl PackedTree {
         }
     }
 
+    /// The box that the planes of the nodes divide; empty for a tree without triangles.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// The index of the root node.
+    pub fn root(&self) -> NodeIndex {
+        self.root
+    }
+
+    /// All nodes. Child indices refer to this slice; leaves refer to blocks, by [`blocks_of`](Self::blocks_of).
+    pub fn nodes(&self) -> &[Node] {
+        cast_slice(&self.pairs)
+    }
+
+    /// The blocks of a leaf of this tree, which hold its triangles in order.
+    #[inline(always)]
+    pub fn blocks_of(&self, leaf: Node) -> &[Block] {
+        let first = leaf.first_ref() as usize;
+        let triangles = leaf.count() as usize;
+        &self.blocks[first..first + triangles.div_ceil(LANES)]
+    }
+
     /// Gives the collector every hit of the ray that it may want, at the level of the tree.
     #[inline]
     pub(crate) fn walk<C: Collect, P: Probe>(
@@ -278,8 +301,7 @@ impl<C: Collect> Walkable<C> for PackedTree {
         probe: &mut P,
     ) -> ControlFlow<()> {
         let mut triangles = leaf.count() as usize;
-        let first = leaf.first_ref() as usize;
-        for block in &self.blocks[first..first + triangles.div_ceil(LANES)] {
+        for block in self.blocks_of(leaf) {
             probe.block();
             let left = test.may_hit(&block.corners, triangles);
             triangles = triangles.saturating_sub(LANES);

@@ -398,7 +398,7 @@ impl FrameData {
 
     /// The trees that rays traverse, one after the other.
     #[inline]
-    fn trees(&self) -> impl Iterator<Item = TreeLayoutRef<'_>> {
+    pub(super) fn trees(&self) -> impl Iterator<Item = TreeLayoutRef<'_>> {
         let (forests, other): (&[WideForest], _) = match &self.shape {
             Shape::Forests(forests) => (forests, None),
             Shape::Whole(layout) => (&[], Some(layout.borrowed())),

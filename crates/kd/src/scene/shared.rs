@@ -6,8 +6,8 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{Affine3A, Vec3};
 use kd_core::{Aabb, LayoutBytes, Mesh, Ray, is_zero_area, transformed_point};
-use kd_trace::WideTree;
 use kd_trace::kit::{Collect, Frame, Placement, VisitItem, WideBoxes, collect_placed, walk_boxes};
+use kd_trace::{Join, WideForest, WideTree};
 
 /// The wide nodes of a mesh before the transforms of its instances.
 #[derive(Debug)]
@@ -40,6 +40,7 @@ pub(super) struct SharedPart {
     of: Arc<SharedTree>,
     transform: Affine3A,
     placement: Placement,
+    first_slot: u32,
     /// The transformed mesh, once it was asked for.
     placed: OnceLock<Arc<Mesh>>,
 }
@@ -52,6 +53,7 @@ impl SharedPart {
             of,
             transform,
             placement,
+            first_slot,
             placed: OnceLock::new(),
         };
         let has_area = |triangle: &u32| !is_zero_area(part.corners(*triangle));
@@ -65,6 +67,7 @@ impl SharedPart {
             of: Arc::clone(&self.of),
             transform: self.transform,
             placement: self.placement.clone().with_first_slot(first_slot),
+            first_slot,
             placed: self.placed.clone(),
         }
     }
@@ -76,10 +79,12 @@ impl SharedPart {
     }
 
     fn mesh(&self) -> &Arc<Mesh> {
-        self.placed.get_or_init(|| {
-            let mesh = self.of.mesh.transformed(&self.transform);
-            Arc::new(mesh.expect("coordinates of placed trees are finite"))
-        })
+        self.placed.get_or_init(|| Arc::new(self.transformed()))
+    }
+
+    fn transformed(&self) -> Mesh {
+        let mesh = self.of.mesh.transformed(&self.transform);
+        mesh.expect("coordinates of placed trees are finite")
     }
 }
 
@@ -134,6 +139,8 @@ pub(super) struct SharedParts {
     /// Of the box around all.
     frame: Frame,
     bytes: LayoutBytes,
+    /// Trees of their own for all parts, once points have asked.
+    copies: OnceLock<WideForest>,
 }
 
 impl SharedParts {
@@ -155,7 +162,23 @@ impl SharedParts {
             frame: Frame::new(&around),
             boxes,
             parts,
+            copies: OnceLock::new(),
         }
+    }
+
+    /// The triangles of all parts as if none shared a tree: made at the first call, and kept.
+    pub(super) fn copies(&self) -> &WideForest {
+        self.copies.get_or_init(|| {
+            let mut forest = WideForest::new();
+            for part in &self.parts {
+                forest.push(
+                    &WideTree::from_objects(&part.transformed()),
+                    part.first_slot,
+                );
+            }
+            forest.join(Join::default());
+            forest
+        })
     }
 
     pub(super) fn is_empty(&self) -> bool {

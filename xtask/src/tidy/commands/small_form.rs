@@ -262,13 +262,15 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 14] = [
+const XTASK: [Options; 16] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
     options("files", [true, true, false], None),
     options("first-ray", [true, true, true], Some(Tool::Embree)),
     options("rays", [true, true, true], Some(Tool::Embree)),
+    options("queries", [true, true, false], None),
     options("merges", [true, true, false], None),
+    options("points", [true, true, false], None),
     options("structures", [true, true, true], Some(Tool::Embree)),
     options("spheres", [true, true, false], Some(Tool::Embree)),
     options("paper", [true, true, false], None),

@@ -164,6 +164,52 @@ pub(crate) struct HitArguments<R> {
     pub(crate) geometry: c_uint,
 }
 
+/// `RTCPointQuery`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct PointQuery {
+    pub(crate) point: [f32; 3],
+    pub(crate) time: f32,
+    /// What is further away is of no interest.
+    pub(crate) radius: f32,
+}
+
+/// `RTCPointQueryContext`, which is a little shorter in every version.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct PointQueryContext {
+    _transforms: [[f32; 16]; 2],
+    _instance: u32,
+    /// The size of the stack of instances is one of these.
+    _zeros: [u32; 31],
+}
+
+impl PointQueryContext {
+    /// In no instance.
+    pub(crate) const NEW: Self = Self {
+        _transforms: [[0.0; 16]; 2],
+        _instance: NOTHING,
+        _zeros: [0; 31],
+    };
+}
+
+/// `RTCPointQueryFunctionArguments`.
+#[derive(Debug)]
+#[repr(C, align(16))]
+pub(crate) struct PointQueryArguments {
+    /// The query; its radius may become smaller.
+    pub(crate) query: *mut PointQuery,
+    /// What the query passes to its function.
+    pub(crate) data: *mut c_void,
+    pub(crate) triangle: c_uint,
+    _geometry: c_uint,
+    _context: *mut c_void,
+    _similarity_scale: f32,
+}
+
+/// `RTCPointQueryFunction`: returns whether the radius has changed.
+pub(crate) type PointQueryFunction = unsafe extern "C" fn(*mut PointQueryArguments) -> bool;
+
 /// A table of functions of the library.
 macro_rules! functions {
     (
@@ -220,6 +266,8 @@ functions! {
     set_bounds = b"rtcSetGeometryBoundsFunction" (Handle, BoundsOf, *mut c_void);
     set_intersect = b"rtcSetGeometryIntersectFunction" (Handle, HitOf<RayHit1>);
     set_occluded = b"rtcSetGeometryOccludedFunction" (Handle, HitOf<Ray1>);
+    point_query = b"rtcPointQuery"
+        (Handle, *mut PointQuery, *mut PointQueryContext, PointQueryFunction, *mut c_void) -> bool;
 }
 
 #[cfg(test)]
@@ -238,6 +286,8 @@ mod tests {
             size_of::<RayHit8>(),
         ];
         assert_eq!(sizes, [48, 32, 96, 384, 672], "bytes");
+        let of_point_queries = [size_of::<PointQuery>(), size_of::<PointQueryArguments>()];
+        assert_eq!(of_point_queries, [32, 48], "bytes");
         let of_version_3 = [
             offset_of!(RayHit1, in_instance_array),
             offset_of!(RayHit8, in_instance_array),
