@@ -95,12 +95,13 @@ impl WindingNumbers {
         }
     }
 
-    /// The winding number of a point, within [`WINDING_ERROR`] and the rounding of f64. 0 for a point that is not finite.
+    /// The winding number of a point, within [`WINDING_ERROR`] and the rounding of f64. 0 for a point that is not finite, and
+    /// without triangles.
     ///
     /// On the surface it is between those of both sides. Time grows far more slowly than the number of triangles.
     pub fn at(&self, point: impl Into<Vec3>) -> f64 {
         let point = point.into();
-        if !point.is_finite() {
+        if !point.is_finite() || self.whole.area == 0.0 {
             return 0.0;
         }
         let point = point.as_dvec3();

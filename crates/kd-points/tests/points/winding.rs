@@ -53,6 +53,16 @@ fn batches_and_threads_answer_alike() {
     }
 }
 
+#[test]
+fn nothing_winds_around_no_point() {
+    let empty = Mesh::new(vec![], vec![]).expect("valid");
+    let flat = Mesh::new(vec![[0.0; 3], [1.0; 3], [2.0; 3]], vec![[0, 1, 2]]).expect("valid");
+    for mesh in [empty, flat] {
+        let numbers = WindingNumbers::new(&mesh);
+        assert_eq!(numbers.at(Vec3::ZERO), 0.0, "{} triangles", mesh.len());
+    }
+}
+
 /// A hemisphere: half of the directions, from the middle of its opening.
 #[test]
 fn open_surfaces_count_in_part() {
