@@ -6,7 +6,8 @@ use anyhow::Context as _;
 use clap::Args;
 use fastrand::Rng;
 use kd::glam::Vec3;
-use kd::{BuildOptions, KdTree, Mesh, Nearest};
+use kd::points::Nearest;
+use kd::{BuildOptions, KdTree, Mesh};
 use kd_rivals::{PointQueries, PointRival};
 use serde::Serialize;
 

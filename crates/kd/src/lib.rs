@@ -99,7 +99,7 @@
 //!
 //! | query | returns |
 //! |---|---|
-//! | [`KdTree::closest_point`] | the [`Nearest`] point of the mesh, within a distance |
+//! | [`KdTree::closest_point`] | the [`Nearest`](points::Nearest) point of the mesh, within a distance |
 //! | [`KdTree::contains`], [`KdTree::signed_distance`] | inside or not, by an exact parity; for closed meshes |
 //! | [`KdTree::winding_number`] | how often the surface winds around a point; for open meshes, too |
 //! | [`KdTree::triangles_in_box`], [`KdTree::triangles_in_sphere`] | the triangles that meet a box or a sphere |
@@ -175,7 +175,6 @@ pub use kd_core::{
     Aabb, CostModel, Culling, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats,
     offset_origin,
 };
-pub use kd_points::{Feature, Nearest};
 pub use kd_sah::{BuildError, BuildOptions, Method, WideNodes};
 #[cfg(feature = "io")]
 pub use kd_scene::{LoadError, load_mesh};

@@ -1,9 +1,10 @@
 //! Questions of points, through the facade: trees in both layouts, and frames of scenes with every strategy.
 
 use kd::glam::{Affine3A, Vec3};
+use kd::points::Nearest;
 use kd::points::{WINDING_ERROR, WindingNumbers, brute_force};
 use kd::scene::MergeMethod;
-use kd::{Aabb, BuildOptions, FrameData, KdTree, Layout, Mesh, Nearest, PartId, Scene, Strategy};
+use kd::{Aabb, BuildOptions, FrameData, KdTree, Layout, Mesh, PartId, Scene, Strategy};
 use kd_oracle::rng::Rng;
 use kd_oracle::{effort, scenes};
 

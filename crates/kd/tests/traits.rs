@@ -3,13 +3,14 @@
 use std::fmt::Debug;
 use std::hash::Hash;
 
+use kd::points::{Feature, Nearest};
 use kd::scene::{CommitAction, CommitError, CommitReport, SceneError};
 use kd::tree::{Axis, Node, NodeIndex, Tree};
 use kd::world::{World, WorldMesh, WorldRay};
 use kd::{
-    Aabb, Accel, BuildError, BuildOptions, CostModel, Feature, Frame, FrameData, Hit, KdTree,
-    Layout, LazyTree, MergeMethod, Mesh, Method, Nearest, PartId, Ray, RayBudget, RayPacket8,
-    Scene, Strategy, TreeStats,
+    Aabb, Accel, BuildError, BuildOptions, CostModel, Frame, FrameData, Hit, KdTree, Layout,
+    LazyTree, MergeMethod, Mesh, Method, PartId, Ray, RayBudget, RayPacket8, Scene, Strategy,
+    TreeStats,
 };
 
 fn shared<T: Send + Sync + Debug>() {}
