@@ -338,7 +338,13 @@ impl Tracer for OfStructure {
                 let part = self.starts.partition_point(|start| *start <= triangle) - 1;
                 let start = u32::try_from(self.starts[part]).expect("no more than the triangle");
                 hit.triangle -= start;
-                PartHit { part, hit }
+                // No scene of the papers has instances.
+                let instance = 0;
+                PartHit {
+                    part,
+                    instance,
+                    hit,
+                }
             });
         }
     }

@@ -144,9 +144,10 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
     let progress = Progress::new(&options, frames.len());
     let mut rays = RayCounts::default();
     let mut updates = Duration::ZERO;
+    let mut triangles = 0;
     for frame in frames.clone() {
         let update = Instant::now();
-        stage.show(time_of(stage.description(), frame)?)?;
+        triangles = stage.show(time_of(stage.description(), frame)?)?.triangles;
         updates += update.elapsed();
         let (picture, counts) = picture(&stage, arguments, &options, &progress)?;
         rays += counts;
@@ -159,16 +160,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> anyhow::Result<()> {
     print_line(format_args!(
         "{}: {} triangles, {} frame{} of {}x{}",
         written.display(),
-        stage
-            .scene()
-            .frame()
-            .parts()
-            .map(|part| stage
-                .scene()
-                .frame()
-                .mesh(part)
-                .map_or(0, |mesh| mesh.len()))
-            .sum::<usize>(),
+        triangles,
         frames.len(),
         if frames.len() == 1 { "" } else { "s" },
         size.width,

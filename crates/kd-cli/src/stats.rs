@@ -2,7 +2,7 @@
 
 use clap::Args;
 use kd::KdTree;
-use kd_scene::{SceneDescription, TextureSource};
+use kd_scene::{Part, SceneDescription, TextureSource};
 
 use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs};
@@ -39,9 +39,10 @@ fn description(scene: &SceneDescription, time: f64) -> String {
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "{label:<12} {value}");
     };
-    let triangles: usize = scene.parts.iter().map(|part| part.mesh.len()).sum();
+    let of_part = |part: &Part| part.mesh.len() * part.copies();
+    let triangles: usize = scene.parts.iter().map(of_part).sum();
     let moving = scene.parts.iter().filter(|part| part.may_move());
-    let moving: usize = moving.map(|part| part.mesh.len()).sum();
+    let moving: usize = moving.map(of_part).sum();
     line(
         "triangles",
         format!("{triangles}, of which {moving} can move"),
@@ -58,7 +59,12 @@ fn description(scene: &SceneDescription, time: f64) -> String {
         } else {
             ", invisible"
         };
-        line("", format!("{name}: {}{visibility}", part.mesh.len()));
+        let instances = match part.instances.len() {
+            0 => String::new(),
+            instances => format!(" in each of {instances} instances"),
+        };
+        let triangles = part.mesh.len();
+        line("", format!("{name}: {triangles}{instances}{visibility}"));
     }
     line("lights", scene.lights.len().to_string());
     line("materials", scene.materials.len().to_string());

@@ -125,6 +125,36 @@ fn stats_compare_and_convert_succeed() {
     assert!(text.contains("triangles    16"), "{text}");
 }
 
+/// A triangle, in three places.
+const INSTANCES: &str = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }],
+    "nodes": [{ "name": "leaf", "mesh": 0, "extensions": { "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 1 } } } }],
+    "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+    "accessors": [
+        { "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3 },
+        { "bufferView": 0, "byteOffset": 36, "componentType": 5126, "type": "VEC3", "count": 3 }
+    ],
+    "bufferViews": [{ "buffer": 0, "byteLength": 72 }],
+    "buffers": [{ "byteLength": 72, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAAAAAAAAQAAAAAAAAAAAAACAQAAAAAAAAAAA" }]
+}"#;
+
+#[test]
+fn triangles_count_with_instances() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    std::fs::write(at.join("leaves.gltf"), INSTANCES).expect("a temporary file");
+    let text = stdout_of(at, &["stats", "leaves.gltf"]);
+    assert!(
+        text.contains("triangles    3, of which 0 can move")
+            && text.contains("leaf: 1 in each of 3 instances"),
+        "{text}"
+    );
+    let text = stdout_of(at, &["render", "leaves.gltf", "--size", "8x6"]);
+    assert!(text.contains("out.png: 3 triangles, 1 frame"), "{text}");
+    std::fs::write(at.join("rays.csv"), "4.2,0.2,5,0,0,-1\n").expect("a temporary file");
+    let text = stdout_of(at, &["cast", "leaves.gltf", "rays.csv"]);
+    assert!(text.contains("1 of which hit one of 3 triangles"), "{text}");
+}
+
 #[test]
 fn errors_name_their_cause() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -59,7 +59,7 @@ pub use layout::{Layout, LayoutBytes};
 pub use mesh::{MAX_TRIANGLES, Mesh, MeshError};
 pub use moved::BoundsOnly;
 pub use node::{Node, NodeView, Pair};
-pub use offset::offset_origin;
+pub use offset::{offset_origin, offset_origin_of, surface_point_of};
 pub use ray::{Hit, Ray};
 pub use ray_packet::RayPacket8;
 pub use source::PrimSource;

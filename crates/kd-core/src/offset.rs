@@ -61,7 +61,7 @@ impl Mesh {
     ///
     /// If the mesh lacks the triangle.
     pub fn surface_point(&self, hit: &Hit) -> Vec3 {
-        self.surface_point_f64(hit).as_vec3()
+        surface_point_of(self.corners(hit.triangle), hit)
     }
 
     /// [`surface_point`](Self::surface_point) before it is rounded to f32, to add the origin of a [`WorldMesh`](crate::WorldMesh): in
@@ -106,20 +106,30 @@ impl Mesh {
     ///
     /// If the mesh lacks the triangle.
     pub fn offset_origin(&self, hit: &Hit, side: Vec3) -> Vec3 {
-        let corners = self.corners(hit.triangle).map(|corner| corner.as_dvec3());
-        let [a, b, c] = corners;
-        let side = side.as_dvec3();
-        let normal = (b - a).cross(c - a);
-        let normal = normal.normalize_or(side.normalize_or_zero());
-        let normal = if normal.dot(side) < 0.0 {
-            -normal
-        } else {
-            normal
-        };
-        let point = point_at(corners, hit);
-        let extent = a.max(b).max(c) - a.min(b).min(c);
-        (point + step(point, normal, extent) * normal).as_vec3()
+        offset_origin_of(self.corners(hit.triangle), hit, side)
     }
+}
+
+/// [`Mesh::surface_point`] on a triangle that is not in a mesh, for example one after a transform.
+pub fn surface_point_of(corners: [Vec3; 3], hit: &Hit) -> Vec3 {
+    point_at(corners.map(|corner| corner.as_dvec3()), hit).as_vec3()
+}
+
+/// [`Mesh::offset_origin`] on a triangle that is not in a mesh, for example one after a transform.
+pub fn offset_origin_of(corners: [Vec3; 3], hit: &Hit, side: Vec3) -> Vec3 {
+    let corners = corners.map(|corner| corner.as_dvec3());
+    let [a, b, c] = corners;
+    let side = side.as_dvec3();
+    let normal = (b - a).cross(c - a);
+    let normal = normal.normalize_or(side.normalize_or_zero());
+    let normal = if normal.dot(side) < 0.0 {
+        -normal
+    } else {
+        normal
+    };
+    let point = point_at(corners, hit);
+    let extent = a.max(b).max(c) - a.min(b).min(c);
+    (point + step(point, normal, extent) * normal).as_vec3()
 }
 
 /// In f64, so that it is in the plane of the corners.

@@ -1,26 +1,26 @@
 //! A scene ready to render: its description, its trees and its textures.
 
-use std::sync::Arc;
-
-use kd::glam::{Affine3A, DVec3, Mat3A, Vec3};
+use kd::glam::Vec3;
 use kd::scene::{CommitError, CommitReport, SceneError};
-use kd::{Aabb, BuildOptions, Mesh, MeshError, PartId, Scene, Strategy};
+use kd::{Aabb, BuildOptions, MeshError, Scene, Strategy};
 use kd_scene::{AlphaMode, Camera, Light, Part, SceneDescription, TextureSource, light_above};
 use thiserror::Error;
 
 use crate::light::ShownLight;
+use crate::placed::{PlacedPart, SeenInstance};
+use crate::shown::ShownPart;
 use crate::texture::TextureImage;
-use crate::tracer::FrameTracer;
+use crate::tracer::{FrameTracer, PartHit};
 
 /// A scene ready to render, at one time of its animation.
 #[derive(Debug)]
 pub struct Stage {
     description: SceneDescription,
     scene: Scene,
-    /// For each part of the description, its id in the scene and its current transform; `None` while it is invisible.
-    parts: Vec<Option<(PartId, Affine3A)>>,
-    /// The visible parts in order of their ids, each with its index in the description.
-    part_indices: Vec<(PartId, usize)>,
+    /// For each part of the description, its instances in the scene.
+    parts: Vec<PlacedPart>,
+    /// The visible instances in order of their ids.
+    seen: Vec<SeenInstance>,
     shown: Vec<ShownPart>,
     textures: Vec<Option<TextureImage>>,
     /// Whether a material has holes or blends.
@@ -29,17 +29,6 @@ pub struct Stage {
     warnings: Vec<String>,
     /// Position of a default light, for scenes without lights.
     default_light: Option<Vec3>,
-}
-
-/// The geometry of a part at the current time.
-#[derive(Clone, Debug)]
-pub(crate) struct ShownPart {
-    /// Triangles in scene coordinates.
-    pub(crate) mesh: Arc<Mesh>,
-    /// Transforms vertex normals to scene coordinates.
-    pub(crate) inverse_transpose: Mat3A,
-    /// Vertex normals of a deformed part, in the coordinates of its node; empty if the part does not deform.
-    pub(crate) morphed_normals: Vec<[Vec3; 3]>,
 }
 
 /// Why a [`Stage`] cannot be built or moved.
@@ -72,6 +61,16 @@ pub enum StageError {
         /// Error of the commit.
         error: CommitError,
     },
+}
+
+impl StageError {
+    /// An error of the scene about a part.
+    pub(crate) fn of_scene(part: &Part) -> impl Fn(SceneError) -> Self {
+        |error| Self::Scene {
+            part: part.name.clone(),
+            error,
+        }
+    }
 }
 
 impl Stage {
@@ -110,10 +109,10 @@ impl Stage {
         scene.set_strategy(strategy);
         let start = description.span.map_or(0.0, |span| span.start);
         let mut stage = Self {
-            parts: vec![None; description.parts.len()],
+            parts: vec![PlacedPart::default(); description.parts.len()],
             description,
             scene,
-            part_indices: Vec::new(),
+            seen: Vec::new(),
             shown: Vec::new(),
             textures,
             has_alpha,
@@ -141,36 +140,21 @@ impl Stage {
     /// [`StageError`] if a position at that time is not finite in `f32`.
     pub fn show(&mut self, time: f64) -> Result<CommitReport, StageError> {
         let nodes = self.description.placed_nodes(time);
-        for (index, part) in self.description.parts.iter().enumerate() {
-            let transform = SceneDescription::placed_part(part, &nodes);
-            let is_visible = self.description.is_visible(part, time);
-            let transform = is_visible.then_some(transform);
-            let deformed = part.deformed(time, &nodes);
-            let placed = &mut self.parts[index];
-            update(&mut self.scene, placed, part, transform, deformed, time)?;
+        let mut shown = Vec::with_capacity(self.parts.len());
+        for (part, placed) in self.description.parts.iter().zip(&mut self.parts) {
+            let places = part.places(&nodes);
+            if self.description.is_visible(part, time) {
+                let deformed = part.deformed(time, &nodes);
+                placed.show(&mut self.scene, part, &places, deformed, time)?;
+            } else {
+                placed.hide(&mut self.scene, part)?;
+            }
+            shown.push(ShownPart::new(part, &places, &nodes, time));
         }
         let report = self.scene.commit();
         let report = report.map_err(|error| StageError::Commit { time, error })?;
-        let frame = self.scene.frame();
-        let parts = self.description.parts.iter().zip(&self.parts);
-        self.shown = parts
-            .map(|(part, placed)| {
-                let transform = SceneDescription::placed_part(part, &nodes);
-                let mesh = placed.and_then(|(id, _)| frame.mesh(id));
-                ShownPart {
-                    mesh: Arc::clone(mesh.unwrap_or(&part.mesh)),
-                    inverse_transpose: inverse_transpose(&transform),
-                    morphed_normals: part.deformed_normals(time, &nodes).unwrap_or_default(),
-                }
-            })
-            .collect();
-        let seen = self
-            .parts
-            .iter()
-            .zip(0..)
-            .filter_map(|(placed, index)| placed.map(|(id, _)| (id, index)));
-        self.part_indices = seen.collect();
-        self.part_indices.sort_unstable();
+        self.shown = shown;
+        self.seen = SeenInstance::all(&self.parts);
         self.time = time;
         Ok(report)
     }
@@ -210,13 +194,20 @@ impl Stage {
     pub fn tracer(&self) -> FrameTracer<'_> {
         FrameTracer {
             frame: self.scene.frame().data(),
-            part_indices: &self.part_indices,
+            seen: &self.seen,
             parts: &self.parts,
         }
     }
 
     pub(crate) fn shown(&self, part: usize) -> &ShownPart {
         &self.shown[part]
+    }
+
+    /// The corners of the triangle that was hit, in scene coordinates; `None` if its part is invisible.
+    #[inline]
+    pub(crate) fn corners(&self, hit: &PartHit) -> Option<[Vec3; 3]> {
+        let id = self.parts[hit.part].id(hit.instance)?;
+        self.scene.frame().corners(id, hit.hit.triangle)
     }
 
     pub(crate) fn has_alpha(&self) -> bool {
@@ -235,76 +226,4 @@ impl Stage {
         let shown = lights.map(|light| ShownLight::new(light, self.time, &nodes));
         shown.take(max).collect()
     }
-}
-
-/// Adds a part, moves it, or removes it if `transform` is `None`. A part that did not move is left alone.
-fn update(
-    scene: &mut Scene,
-    placed: &mut Option<(PartId, Affine3A)>,
-    part: &Part,
-    transform: Option<Affine3A>,
-    deformed: Option<Vec<[f32; 3]>>,
-    time: f64,
-) -> Result<(), StageError> {
-    let fail = |error| StageError::Scene {
-        part: part.name.clone(),
-        error,
-    };
-    let Some(transform) = transform else {
-        if let Some((id, _)) = placed.take() {
-            scene.remove(id).map_err(fail)?;
-        }
-        return Ok(());
-    };
-    let deformed = deformed.map(|positions| {
-        part.mesh
-            .with_positions(positions)
-            .map_err(|error| StageError::Mesh {
-                part: part.name.clone(),
-                time,
-                error,
-            })
-    });
-    let deformed = deformed.transpose()?;
-    let (id, before) = match *placed {
-        None => {
-            let mesh = deformed.map_or_else(|| Arc::clone(&part.mesh), Arc::new);
-            let added = if part.may_move() {
-                scene.add_dynamic(mesh)
-            } else {
-                scene.add_static(mesh)
-            };
-            (added.map_err(fail)?, Affine3A::IDENTITY)
-        }
-        Some(placed) => {
-            if let Some(mesh) = deformed {
-                scene
-                    .set_positions(placed.0, mesh.positions())
-                    .map_err(fail)?;
-            }
-            placed
-        }
-    };
-    // Recorded before the transform is set: the part stays in the scene if that fails.
-    *placed = Some((id, before));
-    if transform != before {
-        scene.set_transform(id, transform).map_err(fail)?;
-        *placed = Some((id, transform));
-    }
-    Ok(())
-}
-
-/// The inverse transpose, which transforms normals; the matrix itself if it is singular.
-fn inverse_transpose(transform: &Affine3A) -> Mat3A {
-    let matrix = transform.matrix3.as_dmat3();
-    if matrix.determinant() == 0.0 {
-        return transform.matrix3;
-    }
-    let matrix = matrix.inverse().transpose();
-    let column = |column: DVec3| column.as_vec3().into();
-    Mat3A::from_cols(
-        column(matrix.x_axis),
-        column(matrix.y_axis),
-        column(matrix.z_axis),
-    )
 }

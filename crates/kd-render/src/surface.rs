@@ -1,7 +1,7 @@
 //! The surface point that a ray hits: position, normals and colors.
 
 use kd::glam::{Vec3, Vec3A};
-use kd::{Hit, Mesh, Ray};
+use kd::{Hit, Ray, offset_origin_of, surface_point_of};
 use kd_scene::Material;
 
 use crate::spot::Spot;
@@ -11,8 +11,8 @@ use crate::tracer::PartHit;
 /// A surface point at the hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePoint<'a> {
-    /// The mesh that was hit, in scene coordinates.
-    mesh: &'a Mesh,
+    /// The corners of the triangle that was hit, in scene coordinates.
+    corners: [Vec3; 3],
     hit: Hit,
     /// Position in scene coordinates.
     pub(crate) at: Vec3,
@@ -28,7 +28,7 @@ pub(crate) struct SurfacePoint<'a> {
 }
 
 impl<'a> SurfacePoint<'a> {
-    /// `None` if the triangle has no area and thus no normal.
+    /// `None` if the triangle has no area and thus no normal, or if its part is invisible.
     #[inline]
     pub(crate) fn new(
         stage: &'a Stage,
@@ -38,12 +38,15 @@ impl<'a> SurfacePoint<'a> {
     ) -> Option<Self> {
         let spot = Spot::new(stage, hit);
         let shown = stage.shown(hit.part);
-        let corners = shown
-            .mesh
-            .corners(hit.hit.triangle)
-            .map(|corner| corner.as_dvec3());
-        let [a, b, c] = corners;
+        let instance = shown.instances[hit.instance as usize];
+        let corners = stage.corners(hit)?;
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
         let flat_normal = (b - a).cross(c - a).try_normalize()?.as_vec3();
+        let flat_normal = if instance.is_mirrored {
+            -flat_normal
+        } else {
+            flat_normal
+        };
         let weights = spot.weights;
         let normals = if shown.morphed_normals.is_empty() {
             &spot.surface.normals
@@ -52,7 +55,7 @@ impl<'a> SurfacePoint<'a> {
         };
         let smooth = normals.get(spot.triangle).map(|[a, b, c]| {
             let normal = weights.x * *a + weights.y * *b + weights.z * *c;
-            Vec3::from(shown.inverse_transpose * Vec3A::from(normal)).normalize_or_zero()
+            Vec3::from(instance.inverse_transpose * Vec3A::from(normal)).normalize_or_zero()
         });
         let smooth = smooth.filter(|normal| *normal != Vec3::ZERO);
         // Vertex normals of the file decide which side is outside; without them, the order of the corners does.
@@ -71,9 +74,9 @@ impl<'a> SurfacePoint<'a> {
             normal = (normal - normal.project_onto(ray.direction)).normalize_or(flat_normal);
         }
         Some(Self {
-            mesh: &shown.mesh,
+            corners,
             hit: hit.hit,
-            at: shown.mesh.surface_point(&hit.hit),
+            at: surface_point_of(corners, &hit.hit),
             flat_normal,
             normal,
             is_outside,
@@ -84,11 +87,11 @@ impl<'a> SurfacePoint<'a> {
 
     /// Origin for a ray that leaves on the side of the incoming ray.
     pub(crate) fn above(&self) -> Vec3 {
-        self.mesh.offset_origin(&self.hit, self.flat_normal)
+        offset_origin_of(self.corners, &self.hit, self.flat_normal)
     }
 
     /// Origin for a ray that continues behind the surface.
     pub(crate) fn below(&self) -> Vec3 {
-        self.mesh.offset_origin(&self.hit, -self.flat_normal)
+        offset_origin_of(self.corners, &self.hit, -self.flat_normal)
     }
 }

@@ -1,15 +1,18 @@
 //! The interface between the renderer and the structure that answers its rays.
 
-use kd::glam::Affine3A;
 use kd::query::RayHit;
 use kd::{FrameData, Hit, PartId, Ray, Verdict};
 use kd_trace::RayQuery;
+
+use crate::placed::{PlacedPart, SeenInstance};
 
 /// A hit on a part of a scene description.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartHit {
     /// Index of the part in [`SceneDescription::parts`](kd_scene::SceneDescription::parts).
     pub part: usize,
+    /// Index of the instance in [`Part::instances`](kd_scene::Part::instances); 0 for a part without any.
+    pub instance: u32,
     /// The hit; its triangle is an index into the mesh of the part.
     pub hit: Hit,
 }
@@ -27,7 +30,8 @@ impl RayHit for PartHit {
 
     #[inline]
     fn is_before(&self, other: &Self) -> bool {
-        (self.part, self.hit).is_before(&(other.part, other.hit))
+        let of_instance = |hit: &Self| ((hit.part, hit.instance), hit.hit);
+        of_instance(self).is_before(&of_instance(other))
     }
 }
 
@@ -127,18 +131,20 @@ impl<Q: RayQuery<Hit = PartHit> + Sync> Tracer for Q {
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTracer<'a> {
     pub(crate) frame: &'a FrameData,
-    /// The parts of the frame in order of their ids, each with its index in the description.
-    pub(crate) part_indices: &'a [(PartId, usize)],
-    /// The ids of the parts of the description, with their transforms; `None` for invisible ones.
-    pub(crate) parts: &'a [Option<(PartId, Affine3A)>],
+    /// The instances in the frame, in order of their ids.
+    pub(crate) seen: &'a [SeenInstance],
+    /// The parts of the description.
+    pub(crate) parts: &'a [PlacedPart],
 }
 
 impl FrameTracer<'_> {
     fn part_hit(&self, (id, hit): (PartId, Hit)) -> PartHit {
-        let found = self.part_indices.binary_search_by_key(&id, |(id, _)| *id);
+        let found = self.seen.binary_search_by_key(&id, |seen| seen.id);
         let found = found.expect("every part of the frame is in the description");
+        let SeenInstance { part, instance, .. } = self.seen[found];
         PartHit {
-            part: self.part_indices[found].1,
+            part,
+            instance,
             hit,
         }
     }
@@ -163,7 +169,8 @@ impl RayQuery for FrameTracer<'_> {
     }
 
     fn hits_behind(&self, ray: &Ray, last: &PartHit, max: usize, out: &mut Vec<PartHit>) {
-        let Some(&Some((id, _))) = self.parts.get(last.part) else {
+        let part = self.parts.get(last.part);
+        let Some(id) = part.and_then(|part| part.id(last.instance)) else {
             // A part without a place in the order is before all others.
             let rest = ray.with_range(ray.t_min.max(last.hit.t), ray.t_max);
             return self.hits(&rest, max, out);

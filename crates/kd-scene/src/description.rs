@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
-use kd_core::{Mesh, MeshError};
+use kd_core::Mesh;
 
 use crate::keys::Keys;
 use crate::keys::sampled::Sampled;
@@ -204,12 +204,24 @@ pub struct Part {
     pub name: String,
     /// Index of the innermost enclosing node; `None` for static parts and skins.
     pub node: Option<usize>,
-    /// The triangles, in the coordinates of the node.
+    /// The triangles, in the coordinates of the node, or of the instances.
     pub mesh: Arc<Mesh>,
+    /// For each instance, the transform from the coordinates of the mesh to those of the node. Empty for a part that is there once, without
+    /// such a transform. The triangles of an instance whose transform mirrors have the reverse order of corners.
+    pub instances: Vec<DAffine3>,
     /// Materials, textures, normals and texture coordinates of the triangles.
     pub surface: Surface,
     /// How the shape changes over time; `None` for rigid parts.
     pub deformation: Option<Deformation>,
+}
+
+/// Where an instance of a part is at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InstancePlace {
+    /// The transform from the coordinates of the mesh to those of the scene.
+    pub transform: Affine3A,
+    /// Whether its triangles have the reverse order of corners, for the sides of surfaces.
+    pub is_mirrored: bool,
 }
 
 /// How the shape of a part changes over time.
@@ -329,6 +341,7 @@ impl SceneDescription {
                     ..Surface::default()
                 },
                 mesh,
+                instances: Vec::new(),
                 deformation: None,
             }],
             ..Self::default()
@@ -370,13 +383,8 @@ impl SceneDescription {
     ///
     /// If the node of the part is not in `nodes`.
     pub fn placed_part(part: &Part, nodes: &[DAffine3]) -> Affine3A {
-        part.node.map_or(Affine3A::IDENTITY, |node| {
-            let DAffine3 {
-                matrix3,
-                translation,
-            } = nodes[node];
-            Affine3A::from_mat3_translation(matrix3.as_mat3(), translation.as_vec3())
-        })
+        part.node
+            .map_or(Affine3A::IDENTITY, |node| narrowed(&nodes[node]))
     }
 
     /// Whether a part is visible at `time`, in seconds: no enclosing node hides it.
@@ -416,31 +424,38 @@ impl SceneDescription {
             ..camera
         })
     }
-
-    /// All triangles at `time`, in seconds, as one mesh in the order of the parts. Invisible parts are included. Time and
-    /// memory are linear in the number of triangles.
-    ///
-    /// # Errors
-    ///
-    /// [`MeshError`] if a position is not finite in `f32`, or the mesh has too many vertices or triangles.
-    pub fn mesh_at(&self, time: f64) -> Result<Mesh, MeshError> {
-        let nodes = self.placed_nodes(time);
-        let meshes = self.parts.iter().map(|part| {
-            let to = Self::placed_part(part, &nodes);
-            match part.deformed(time, &nodes) {
-                Some(positions) => part.mesh.with_positions(positions)?.transformed(&to),
-                None => part.mesh.transformed(&to),
-            }
-        });
-        let meshes = meshes.collect::<Result<Vec<Mesh>, _>>()?;
-        Mesh::concatenated(&meshes)
-    }
 }
 
 impl Part {
     /// Whether the position or the shape of the part can change over time.
     pub fn may_move(&self) -> bool {
         self.node.is_some() || self.deformation.is_some()
+    }
+
+    /// How many times the mesh is in the scene: the number of instances, or 1.
+    pub fn copies(&self) -> usize {
+        self.instances.len().max(1)
+    }
+
+    /// The place of each instance in the scene, given the [transforms of the nodes](SceneDescription::placed_nodes); one place for a part
+    /// without instances.
+    ///
+    /// # Panics
+    ///
+    /// If the node of the part is not in `nodes`.
+    pub fn places(&self, nodes: &[DAffine3]) -> Vec<InstancePlace> {
+        if self.instances.is_empty() {
+            return vec![InstancePlace {
+                transform: SceneDescription::placed_part(self, nodes),
+                is_mirrored: false,
+            }];
+        }
+        let of_node = self.node.map_or(DAffine3::IDENTITY, |node| nodes[node]);
+        let places = self.instances.iter().map(|instance| InstancePlace {
+            transform: narrowed(&(of_node * *instance)),
+            is_mirrored: mirrors(instance),
+        });
+        places.collect()
     }
 
     /// The positions of the vertices at `time`, in seconds, before the node moves them; `None` for rigid parts. `nodes` are the
@@ -508,6 +523,19 @@ impl MorphTargets {
         }
         normals
     }
+}
+
+/// Whether a transform mirrors.
+pub(crate) fn mirrors(transform: &DAffine3) -> bool {
+    transform.matrix3.determinant() < 0.0
+}
+
+fn narrowed(transform: &DAffine3) -> Affine3A {
+    let DAffine3 {
+        matrix3,
+        translation,
+    } = transform;
+    Affine3A::from_mat3_translation(matrix3.as_mat3(), translation.as_vec3())
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding is intended")]

@@ -177,6 +177,7 @@ impl PartDraft {
             name: self.name,
             node: self.node,
             mesh: Arc::new(Mesh::new(self.positions, self.triangles)?),
+            instances: Vec::new(),
             surface: self.surface,
             deformation: self.morph.map(Deformation::Morph),
         })

@@ -153,6 +153,14 @@ pub enum LoadError {
         /// Error of the mesh.
         source: MeshError,
     },
+    /// The file was read as a scene, but copies of its instances make too large a mesh.
+    #[error("{file}: {problem}")]
+    TooManyCopies {
+        /// Name of the file.
+        file: String,
+        /// Description of the fault.
+        problem: String,
+    },
 }
 
 impl LoadError {
@@ -171,7 +179,8 @@ impl LoadError {
             | Self::NotFinite { file, .. }
             | Self::IndexOutOfRange { file, .. }
             | Self::TooFewCorners { file, .. }
-            | Self::Mesh { file, .. } => file,
+            | Self::Mesh { file, .. }
+            | Self::TooManyCopies { file, .. } => file,
             Self::Warned { warning, .. } => &warning.file,
         }
     }

@@ -7,6 +7,7 @@ mod accessors;
 mod buffers;
 mod container;
 mod extensions;
+mod instanced_part;
 mod instances;
 mod json;
 mod lights;
@@ -24,12 +25,13 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
 use serde_json::Value;
 
+use crate::description::mirrors;
 use crate::draft::{MOST_REPEATED, PartDraft, Transform};
 use crate::files::read_file;
 use crate::keys::Keys;
 use crate::keys::sampled::Sampled;
 use crate::report::{Place, Report, Strictness, WarningCode};
-use crate::{Camera, ColorSpace, LoadError, SceneDescription};
+use crate::{Camera, ColorSpace, LoadError, Part, SceneDescription};
 use accessors::Numbers;
 use buffers::Buffers;
 use container::Container;
@@ -40,8 +42,8 @@ use skins::OwnPart;
 
 /// Reads a glTF file, `.gltf` or `.glb`, and the buffers that it names. `files` reads the file at a path.
 ///
-/// All static triangles form one part, the triangles that move with a node form one part, and every mesh with a skin or with animated
-/// morph targets forms one part. The reader supports the first animation (step, linear and cubic keys of nodes and weights, and the
+/// All static triangles form one part, the triangles that move with a node form one part, and every mesh with a skin, with animated
+/// morph targets or with several [instances](Part::instances) forms one part. The reader supports the first animation (step, linear and cubic keys of nodes and weights, and the
 /// skins that follow them), the first perspective camera, lights (`KHR_lights_punctual`), instances (`EXT_mesh_gpu_instancing`),
 /// colors of vertices, and materials by base color, its texture, metalness and roughness; smooth materials reflect. Alpha makes holes and
 /// blends as [`AlphaMode`](crate::AlphaMode) says. What the reader does not use is a [warning](SceneDescription::warnings).
@@ -90,6 +92,7 @@ pub(crate) fn read_gltf_with(
         drafts: Vec::new(),
         draft_of: HashMap::new(),
         own_parts: Vec::new(),
+        instanced_parts: Vec::new(),
         node_index: HashMap::new(),
         uses: uses_of_meshes(&document),
         document,
@@ -170,6 +173,8 @@ struct Reader<'a> {
     draft_of: HashMap<Option<usize>, usize>,
     /// Meshes with skins or animated morph targets.
     own_parts: Vec<OwnPart>,
+    /// Meshes with several instances.
+    instanced_parts: Vec<Part>,
     /// Index in the scene of each node of the file.
     node_index: HashMap<usize, usize>,
     /// The primitives of meshes that several nodes have, by index in the file.
@@ -380,7 +385,7 @@ impl Reader<'_> {
             blended = primitives.iter().map(blend).collect();
             primitives = &blended;
         }
-        let elements: usize = primitives.iter().map(Triangles::elements).sum();
+        let elements = elements(primitives);
         if node.skin.is_some() || has_animated_weights {
             if node.extensions.contains_key(instances::NAME) {
                 let what = "instances of a mesh that changes its shape are not read; there is one";
@@ -388,6 +393,10 @@ impl Reader<'_> {
             }
             self.count(elements, &pointer)?;
             return self.own_part(node, number, enclosing, primitives);
+        }
+        let instances = self.instances(node, &pointer)?;
+        if instances.len() > 1 {
+            return self.instanced_part(node, &pointer, enclosing, primitives, instances);
         }
         let new = self.drafts.len();
         let draft = *self.draft_of.entry(enclosing.moving_node).or_insert(new);
@@ -397,7 +406,6 @@ impl Reader<'_> {
             let name = name.unwrap_or_default();
             self.drafts.push(PartDraft::new(name, moving, false));
         }
-        let instances = self.instances(node, &pointer)?;
         self.count(instances.len().saturating_mul(elements), &pointer)?;
         for instance in instances {
             let transform = Transform::new(enclosing.to_moving_node * instance);
@@ -483,6 +491,7 @@ impl Reader<'_> {
                 source,
             })?);
         }
+        parts.extend(self.instanced_parts);
         parts.append(&mut scene.parts);
         scene.parts = parts;
         lights::expose(&mut scene);
@@ -490,9 +499,9 @@ impl Reader<'_> {
     }
 }
 
-/// Whether a transform mirrors.
-fn mirrors(transform: &DAffine3) -> bool {
-    transform.matrix3.determinant() < 0.0
+/// The number of vertices and triangles of all primitives.
+fn elements(primitives: &[Triangles]) -> usize {
+    primitives.iter().map(Triangles::elements).sum()
 }
 
 /// The static transform of a node to the coordinates of its parent.

@@ -65,6 +65,8 @@ mod text_lines;
 mod threemf;
 #[cfg(feature = "scenes")]
 mod toy_room;
+#[cfg(feature = "scenes")]
+mod whole_mesh;
 mod words;
 
 #[cfg(feature = "scenes")]
@@ -74,8 +76,8 @@ pub use alpha::AlphaMode;
 pub use camera::{Camera, View, light_above};
 #[cfg(feature = "scenes")]
 pub use description::{
-    ColorSpace, Deformation, Light, LightKind, Material, Morph, MorphKey, MorphTargets, Node, Part,
-    SceneDescription, Skin, Span, Surface, Texture, TextureSource,
+    ColorSpace, Deformation, InstancePlace, Light, LightKind, Material, Morph, MorphKey,
+    MorphTargets, Node, Part, SceneDescription, Skin, Span, Surface, Texture, TextureSource,
 };
 pub use error::LoadError;
 #[cfg(feature = "scenes")]
@@ -100,3 +102,5 @@ pub use stl::read_stl;
 pub use threemf::read_3mf;
 #[cfg(feature = "scenes")]
 pub use toy_room::{toy_room, toy_room_aff};
+#[cfg(feature = "scenes")]
+pub use whole_mesh::WholeMeshError;

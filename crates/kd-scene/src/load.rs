@@ -16,7 +16,7 @@ use crate::report::{Loaded, Report, Strictness, Warning};
 use crate::source::Source;
 use crate::stl::read_stl_with;
 #[cfg(feature = "scenes")]
-use crate::{AffOptions, SceneDescription, load_scene::read_scene};
+use crate::{AffOptions, SceneDescription, WholeMeshError, load_scene::read_scene};
 
 /// How files are read.
 #[derive(Clone, Default)]
@@ -164,6 +164,11 @@ pub fn load_mesh_with(
 #[cfg(feature = "scenes")]
 fn first_frame(scene: &SceneDescription, file: String) -> Result<Mesh, LoadError> {
     let start = scene.span.map_or(0.0, |span| span.start);
-    let mesh = scene.mesh_at(start);
-    mesh.map_err(|source| LoadError::Mesh { file, source })
+    scene.mesh_at(start).map_err(|error| match error {
+        WholeMeshError::Mesh(source) => LoadError::Mesh { file, source },
+        WholeMeshError::TooManyCopies { .. } => LoadError::TooManyCopies {
+            file,
+            problem: error.to_string(),
+        },
+    })
 }

@@ -4,6 +4,7 @@
 
 mod brute_force;
 mod cutouts;
+mod instances;
 
 use std::path::{Path, PathBuf};
 
@@ -104,7 +105,7 @@ fn golden(name: &str) -> PathBuf {
 }
 
 /// The mean difference of two pictures, of 255, and the number of pixels that differ visibly (by more than 16).
-fn difference(a: &Picture, b: &image::RgbImage) -> (f64, usize) {
+pub(crate) fn difference(a: &Picture, b: &image::RgbImage) -> (f64, usize) {
     let a = a.to_image();
     assert_eq!(a.dimensions(), b.dimensions(), "equal size");
     let (mut sum, mut far) = (0.0, 0);

@@ -66,16 +66,18 @@ pub(super) fn expose(scene: &mut SceneDescription) {
     let placed = scene.placed_nodes(start);
     let mut bounds = Aabb::EMPTY;
     for part in &scene.parts {
-        let to = SceneDescription::placed_part(part, &placed);
         let of_part = part.mesh.bounds();
         if of_part.is_empty() {
             continue;
         }
-        let corner = |i: u32| {
-            let is_max = Vec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32));
-            to.transform_point3(of_part.min + is_max * of_part.extent())
-        };
-        bounds = bounds.union(&Aabb::around((0..8).map(corner)));
+        for place in part.places(&placed) {
+            let corner = |i: u32| {
+                let is_max = Vec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32));
+                let corner = of_part.min + is_max * of_part.extent();
+                place.transform.transform_point3(corner)
+            };
+            bounds = bounds.union(&Aabb::around((0..8).map(corner)));
+        }
     }
     let middle = bounds.center().as_dvec3();
     let of_nearest = (0.1 * f64::from(bounds.diagonal())).powi(2);

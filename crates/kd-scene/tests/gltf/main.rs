@@ -2,6 +2,7 @@
 
 mod extensions;
 mod file;
+mod instances;
 mod morph;
 mod tolerance;
 
