@@ -1,7 +1,7 @@
 //! Renders a meadow of curves to `curves.png`: a tree over primitives of its own, closest hits for what is seen, any hits for shadows.
 //!
 //! ```text
-//! cargo run --release --example curves
+//! cargo run --release --example curves [-- curves.png]
 //! ```
 
 #[path = "shapes/curve.rs"]

@@ -2,7 +2,7 @@
 //! shadows.
 //!
 //! ```text
-//! cargo run --release --example spheres
+//! cargo run --release --example spheres [-- spheres.png]
 //! ```
 
 #[path = "shapes/picture.rs"]

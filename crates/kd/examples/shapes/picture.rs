@@ -10,7 +10,7 @@ use kd_scene::Camera;
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;
 
-/// Writes what a camera sees to a file, and prints its size. `color` is that of a ray, linear, 0 to 1. Four rays to a pixel: an image of
+/// Writes what a camera sees to a file, or to the one that the first argument names, and prints its size. `color` is that of a ray, linear, 0 to 1. Four rays to a pixel: an image of
 /// twice the size, averaged.
 #[allow(clippy::print_stdout, reason = "a program that a person runs")]
 pub(crate) fn write(
@@ -27,6 +27,8 @@ pub(crate) fn write(
         let mean = 0.25 * colors.into_iter().sum::<Vec3>();
         Rgb(mean.to_array().map(to_byte))
     });
+    let named = std::env::args().nth(1);
+    let file = named.as_deref().unwrap_or(file);
     image.save(file)?;
     println!("{file}: {WIDTH} x {HEIGHT}");
     Ok(())
