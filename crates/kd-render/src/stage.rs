@@ -1,9 +1,11 @@
 //! A scene ready to render: its description, its trees and its textures.
 
-use kd::glam::Vec3;
+use kd::glam::{Mat3A, Vec3};
 use kd::scene::{CommitError, CommitReport, SceneError};
 use kd::{Aabb, BuildOptions, MeshError, Scene, Strategy};
-use kd_scene::{AlphaMode, Camera, Light, Part, SceneDescription, TextureSource, light_above};
+use kd_scene::{
+    AlphaMode, Camera, InstancePlace, Light, Part, SceneDescription, TextureSource, light_above,
+};
 use thiserror::Error;
 
 use crate::light::ShownLight;
@@ -143,7 +145,10 @@ impl Stage {
         let mut shown = Vec::with_capacity(self.parts.len());
         for (part, placed) in self.description.parts.iter().zip(&mut self.parts) {
             let places = part.places(&nodes);
-            if self.description.is_visible(part, time) {
+            // No ray hits a point, and a scene would copy each instance that is one, as those of a node that grows from nothing are.
+            let is_point = |place: &InstancePlace| place.transform.matrix3 == Mat3A::ZERO;
+            let are_points = !part.instances.is_empty() && places.iter().all(is_point);
+            if self.description.is_visible(part, time) && !are_points {
                 let deformed = part.deformed(time, &nodes);
                 placed.show(&mut self.scene, part, &places, deformed, time)?;
             } else {
