@@ -158,6 +158,15 @@ impl Stage {
         }
         let report = self.scene.commit();
         let report = report.map_err(|error| StageError::Commit { time, error })?;
+        let frame = self.scene.frame();
+        for ((shown, part), placed) in shown
+            .iter_mut()
+            .zip(&self.description.parts)
+            .zip(&self.parts)
+        {
+            let single = placed.id(0).filter(|_| part.instances.is_empty());
+            shown.mesh = single.and_then(|id| frame.mesh(id)).cloned();
+        }
         self.shown = shown;
         self.seen = SeenInstance::all(&self.parts);
         self.time = time;
@@ -211,6 +220,9 @@ impl Stage {
     /// The corners of the triangle that was hit, in scene coordinates; `None` if its part is invisible.
     #[inline]
     pub(crate) fn corners(&self, hit: &PartHit) -> Option<[Vec3; 3]> {
+        if let Some(mesh) = &self.shown[hit.part].mesh {
+            return Some(mesh.corners(hit.hit.triangle));
+        }
         let id = self.parts[hit.part].id(hit.instance)?;
         self.scene.frame().corners(id, hit.hit.triangle)
     }
