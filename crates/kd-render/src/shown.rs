@@ -1,11 +1,17 @@
-//! What the surfaces of a part need at the current time, beside its triangles in the frame.
+//! What the surfaces of a part need at the current time.
 
+use std::sync::Arc;
+
+use kd::Mesh;
 use kd::glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec3};
 use kd_scene::{InstancePlace, Part};
 
 /// The surfaces of a part at the current time.
 #[derive(Clone, Debug)]
 pub(crate) struct ShownPart {
+    /// The triangles in scene coordinates, of a visible part without instances: for those, the frame computes corners, since it may have no
+    /// copies of them.
+    pub(crate) mesh: Option<Arc<Mesh>>,
     pub(crate) instances: Vec<ShownInstance>,
     /// Vertex normals of a deformed part, in the coordinates of its node; empty if the part does not deform.
     pub(crate) morphed_normals: Vec<[Vec3; 3]>,
@@ -21,7 +27,7 @@ pub(crate) struct ShownInstance {
 }
 
 impl ShownPart {
-    /// `nodes` are the transforms of the nodes at `time`, in seconds.
+    /// A part before its mesh is known. `nodes` are the transforms of the nodes at `time`, in seconds.
     pub(crate) fn new(
         part: &Part,
         places: &[InstancePlace],
@@ -33,6 +39,7 @@ impl ShownPart {
             is_mirrored: place.is_mirrored,
         });
         Self {
+            mesh: None,
             instances: instances.collect(),
             morphed_normals: part.deformed_normals(time, nodes).unwrap_or_default(),
         }

@@ -1,9 +1,11 @@
 //! A scene ready to render: its description, its trees and its textures.
 
-use kd::glam::Vec3;
+use kd::glam::{Mat3A, Vec3};
 use kd::scene::{CommitError, CommitReport, SceneError};
 use kd::{Aabb, BuildOptions, MeshError, Scene, Strategy};
-use kd_scene::{AlphaMode, Camera, Light, Part, SceneDescription, TextureSource, light_above};
+use kd_scene::{
+    AlphaMode, Camera, InstancePlace, Light, Part, SceneDescription, TextureSource, light_above,
+};
 use thiserror::Error;
 
 use crate::light::ShownLight;
@@ -143,7 +145,10 @@ impl Stage {
         let mut shown = Vec::with_capacity(self.parts.len());
         for (part, placed) in self.description.parts.iter().zip(&mut self.parts) {
             let places = part.places(&nodes);
-            if self.description.is_visible(part, time) {
+            // No ray hits a point, and a scene would copy each instance that is one, as those of a node that grows from nothing are.
+            let is_point = |place: &InstancePlace| place.transform.matrix3 == Mat3A::ZERO;
+            let are_points = !part.instances.is_empty() && places.iter().all(is_point);
+            if self.description.is_visible(part, time) && !are_points {
                 let deformed = part.deformed(time, &nodes);
                 placed.show(&mut self.scene, part, &places, deformed, time)?;
             } else {
@@ -153,6 +158,15 @@ impl Stage {
         }
         let report = self.scene.commit();
         let report = report.map_err(|error| StageError::Commit { time, error })?;
+        let frame = self.scene.frame();
+        for ((shown, part), placed) in shown
+            .iter_mut()
+            .zip(&self.description.parts)
+            .zip(&self.parts)
+        {
+            let single = placed.id(0).filter(|_| part.instances.is_empty());
+            shown.mesh = single.and_then(|id| frame.mesh(id)).cloned();
+        }
         self.shown = shown;
         self.seen = SeenInstance::all(&self.parts);
         self.time = time;
@@ -206,6 +220,9 @@ impl Stage {
     /// The corners of the triangle that was hit, in scene coordinates; `None` if its part is invisible.
     #[inline]
     pub(crate) fn corners(&self, hit: &PartHit) -> Option<[Vec3; 3]> {
+        if let Some(mesh) = &self.shown[hit.part].mesh {
+            return Some(mesh.corners(hit.hit.triangle));
+        }
         let id = self.parts[hit.part].id(hit.instance)?;
         self.scene.frame().corners(id, hit.hit.triangle)
     }

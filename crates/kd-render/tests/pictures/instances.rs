@@ -252,6 +252,26 @@ fn instances_are_hidden_together() {
     }
 }
 
+/// They are not copied while they have no extent.
+#[test]
+fn instances_grow_from_nothing() {
+    let mut scene = aff("l 5 5 5 x ball { s 0 0 0 1 } a 0 3 4
+        k ball { scale 4 0 0 0 0 0 0 0 0 0 0 0 0 0 0 2 1 1 1 0 0 0 3 1 1 1 0 0 0 }
+        v from 0 0 4 at 0 0 0 up 0 1 0 angle 60 hither 0.1 resolution 4 4");
+    scene.parts[0].instances = three();
+    const TIMES: [f64; 4] = [0.0, 2.0, 0.0, 1.0];
+    let expected = by_all_triangles(&scene, &TIMES);
+    for strategy in strategies() {
+        let name = format!("{strategy:?}");
+        assert!(pictures(&scene, strategy, &TIMES) == expected, "{name}");
+    }
+    let mut stage = Stage::new(scene, BuildOptions::fast(), Strategy::Instances).expect("few");
+    for (time, parts) in TIMES.into_iter().zip([0, 3, 0, 3]) {
+        let report = stage.show(time).expect("finite positions");
+        assert_eq!(report.parts, parts, "{time} s");
+    }
+}
+
 #[test]
 fn instances_of_a_part_that_deforms_follow_it() {
     const TIMES: [f64; 3] = [0.0, 1.1, 0.4];
