@@ -63,10 +63,11 @@ impl Culling {
         Self(bits & 3)
     }
 
-    /// Whether the ray hits both sides. One comparison, for use at every ray.
+    /// Whether the ray hits both sides. One comparison, for use at every ray: false as well where bits are set that do not count, which
+    /// [`sees`](Self::sees) knows.
     #[inline(always)]
     pub const fn is_none(self) -> bool {
-        self.bits() == 0
+        self.0 == 0
     }
 }
 

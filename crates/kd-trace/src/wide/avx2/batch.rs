@@ -6,7 +6,7 @@ use kd_core::{Hit, Ray};
 use kd_simd::Avx2;
 use kd_wide::{Child, WIDTH, WideNode, WideTree};
 
-use super::nodes::{NodeRay, Numbers, Prepared, enter_or_pop, meet};
+use super::nodes::{NodeRay, Numbers, Prepared, enter_or_pop, meet, sees_less};
 use super::single::{Any, Closest, Progress, Query, trace};
 use crate::dispatch::hit_or_none;
 use crate::planes::Frame;
@@ -120,6 +120,9 @@ impl<Q: BatchQuery> BatchRay<Avx2> for Avx2BatchRay<Q> {
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline]
 fn usual(ray: &Ray, frame: &Frame) -> Option<NodeRay> {
+    if sees_less(ray) {
+        return None;
+    }
     match NodeRay::usual(&Numbers::of(ray), frame) {
         Prepared::Usual(nodes) => Some(nodes),
         Prepared::Unusual => None,

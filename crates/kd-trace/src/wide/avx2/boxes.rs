@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
-use kd_core::Ray;
+use kd_core::{Culling, Ray};
 use kd_simd::min;
 use kd_wide::{Block, WIDTH, WideBoxes, WideTree};
 
@@ -26,7 +26,10 @@ static FACES: [Faces; 8] = faces_by_octant(ROW, 3 * ROW);
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline(never)]
 pub(super) fn visit<V: VisitItem>(boxes: &WideBoxes, frame: &Frame, ray: &Ray, visitor: &mut V) {
-    let numbers = Numbers::without_culling(ray);
+    if ray.mask == 0 || ray.culling == Culling::BOTH {
+        return;
+    }
+    let numbers = Numbers::one_by_one(ray);
     let subtree = Subtree::whole(boxes.as_wide());
     match NodeRay::usual(&numbers, frame) {
         Prepared::Unusual => visit_unusual(subtree, frame, ray, visitor),

@@ -8,7 +8,7 @@ use kd_simd::{Avx2, min};
 use kd_wide::Frame;
 
 use super::boxes::Unprepared;
-use super::nodes::{NodeRay, Numbers, Prepared};
+use super::nodes::{NodeRay, Numbers, Prepared, sees_less};
 use super::single::{Limit, Place, Progress, Query, trace};
 use super::triangles::{Lanes, TriangleRay, candidates};
 use crate::collect::Collect;
@@ -53,6 +53,9 @@ fn usual<C: Collect>(placed: &InPlaced<'_, C>) -> Option<(TriangleRay, Numbers, 
             Prepared::Unusual => None,
         }
     };
+    if sees_less(placed.ray) {
+        return None;
+    }
     let (in_scene, _) = prepare(placed.ray, placed.frame)?;
     let (in_tree, frame) = placed.to_tree()?;
     let (in_tree, nodes) = prepare(&in_tree, &frame)?;

@@ -13,11 +13,11 @@
 use std::arch::x86_64::*;
 use std::ops::ControlFlow;
 
-use kd_core::{Culling, Hit, Ray};
+use kd_core::{Hit, Ray};
 use kd_simd::{Avx2, min};
 use kd_wide::{Block, WIDTH, WideTree};
 
-use super::nodes::{NodeRay, Numbers, Prepared, enter};
+use super::nodes::{NodeRay, Numbers, Prepared, enter, sees_less};
 use super::opaque;
 use super::triangles::{Lanes, TriangleRay, candidates};
 use crate::collect::{self, Collect};
@@ -37,13 +37,16 @@ const NOTHING: u32 = u32::MAX;
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline(never)]
 pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> Hit {
+    if sees_less(ray) {
+        return unusual::<collect::Closest, P>(simd, subtree, ray, probe)
+            .0
+            .unwrap_or(NO_HIT);
+    }
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
-        Prepared::Unusual => {
-            let mut closest = collect::Closest::default();
-            trace_unusual(simd, subtree, ray, &mut closest, probe);
-            closest.0.unwrap_or(NO_HIT)
-        }
+        Prepared::Unusual => unusual::<collect::Closest, P>(simd, subtree, ray, probe)
+            .0
+            .unwrap_or(NO_HIT),
         Prepared::Usual(nodes) => {
             let mut progress = Progress::new(&nodes);
             let mut query = Closest::new(simd);
@@ -64,13 +67,12 @@ pub(super) fn closest<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, pro
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
 #[inline(never)]
 pub(super) fn any<P: Probe>(simd: Avx2, subtree: Subtree<'_>, ray: &Ray, probe: &mut P) -> bool {
+    if sees_less(ray) {
+        return unusual::<collect::Any, P>(simd, subtree, ray, probe).0;
+    }
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
-        Prepared::Unusual => {
-            let mut any = collect::Any::default();
-            trace_unusual(simd, subtree, ray, &mut any, probe);
-            any.0
-        }
+        Prepared::Unusual => unusual::<collect::Any, P>(simd, subtree, ray, probe).0,
         Prepared::Usual(nodes) => {
             let mut progress = Progress::new(&nodes);
             let mut query = Any::new(simd);
@@ -97,6 +99,9 @@ pub(super) fn collect<C: Collect, P: Probe>(
     collector: &mut C,
     probe: &mut P,
 ) {
+    if sees_less(ray) {
+        return trace_unusual(simd, subtree, ray, collector, probe);
+    }
     let numbers = Numbers::one_by_one(ray);
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
         Prepared::Unusual => trace_unusual(simd, subtree, ray, collector, probe),
@@ -120,6 +125,21 @@ pub(super) fn collect<C: Collect, P: Probe>(
     }
 }
 
+/// The collector of the answer of a ray that is not usual.
+#[cold]
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+fn unusual<C: Collect + Default, P: Probe>(
+    simd: Avx2,
+    subtree: Subtree<'_>,
+    ray: &Ray,
+    probe: &mut P,
+) -> C {
+    let mut collector = C::default();
+    trace_unusual(simd, subtree, ray, &mut collector, probe);
+    collector
+}
+
 #[cold]
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
@@ -134,7 +154,7 @@ fn trace_unusual<C: Collect, P: Probe>(
         return;
     }
     if !ray.culling.is_none() {
-        let numbers = Numbers::of(&ray.with_culling(Culling::NONE));
+        let numbers = Numbers::of(ray);
         if let Prepared::Usual(nodes) = NodeRay::usual(&numbers, subtree.tree().frame()) {
             let mut progress = Progress::new(&nodes);
             let sees = ray.culling;
