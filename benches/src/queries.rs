@@ -139,6 +139,10 @@ impl Query {
         }
     }
 
+    fn is_on_all_threads(self) -> bool {
+        self.plain() != Self::Intersect
+    }
+
     /// What its time is compared with: a batch on all threads with the batch on one, any other with the closest hit.
     fn plain(self) -> Self {
         match self {
@@ -436,7 +440,7 @@ fn sources(arguments: &QueriesArgs) -> anyhow::Result<Vec<SceneSource>> {
 /// Rays through random points of the bounding sphere.
 fn random_rays(scene: &scenes::Scene, is_smoke: bool) -> Vec<Ray> {
     let amount = Amount {
-        side: 32,
+        side: if is_smoke { 32 } else { 1024 },
         ray_limit: if is_smoke { 1 << 10 } else { 1 << 16 },
         brute_force_tests: 0,
         least_checked: 0,
@@ -486,21 +490,23 @@ impl Measure<'_> {
         structure: &Q,
         rows: &mut Vec<Row>,
     ) {
-        let per_ray = 1e9 / self.rays.len() as f64;
+        // Threads need more rays to share.
+        let many: Vec<Ray> = self.rays.repeat(4);
         for query in Query::ALL {
-            let mut answers = [
-                Answers::for_rays(self.rays.len()),
-                Answers::for_rays(self.rays.len()),
-            ];
-            let [of_plain, of_query] = &mut answers;
+            let rays = if query.is_on_all_threads() {
+                &many
+            } else {
+                self.rays
+            };
+            let [mut of_plain, mut of_query] = [(); 2].map(|()| Answers::for_rays(rays.len()));
             // Places to search behind, and memory that is there.
-            Query::Intersect.run(structure, self.rays, of_query);
+            Query::Intersect.run(structure, rays, &mut of_query);
             let pairs = in_sure_pairs(
                 Repeats::all(self.samples),
-                || query.plain().run(structure, self.rays, of_plain),
-                || query.run(structure, self.rays, of_query),
+                || query.plain().run(structure, rays, &mut of_plain),
+                || query.run(structure, rays, &mut of_query),
             );
-            let (query_ns, plain_ns) = pairs.scaled(per_ray);
+            let (query_ns, plain_ns) = pairs.scaled(1e9 / rays.len() as f64);
             rows.push(Row {
                 structure: name.to_owned(),
                 query: query.name().to_owned(),
