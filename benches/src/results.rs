@@ -253,9 +253,13 @@ fn row(cells: impl Iterator<Item = impl AsRef<str>>) -> String {
     line + "\n"
 }
 
-/// A field, by its path with dots.
+/// A field, by its path with dots. A number is a place in a list.
 fn at<'a>(line: &'a Value, path: &str) -> &'a Value {
-    path.split('.').fold(line, |value, name| &value[name])
+    path.split('.')
+        .fold(line, |value, name| match name.parse::<usize>() {
+            Ok(place) if value.is_array() => &value[place],
+            _ => &value[name],
+        })
 }
 
 /// A text, or a number with at most three decimals.
@@ -348,7 +352,10 @@ fn values(line: &Value, value: &str) -> Vec<f64> {
         .strip_prefix("pairs ")
         .and_then(|two| two.split_once(' '))
     {
-        return vec![median_ratio(&samples(line, above), &samples(line, below))];
+        let (above, below) = (samples(line, above), samples(line, below));
+        // Where nothing was measured, there is no value.
+        let ratio = (!below.is_empty()).then(|| median_ratio(&above, &below));
+        return ratio.into_iter().collect();
     }
     if let Some((above, below)) = value.split_once(" / ") {
         let pairs = values(line, above).into_iter().zip(values(line, below));

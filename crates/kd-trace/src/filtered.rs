@@ -32,6 +32,21 @@ pub(crate) fn first<H>(
     None
 }
 
+/// The first hit that the filter accepts, from the closest one on.
+#[inline]
+pub(crate) fn first_from<Q: RayQuery>(
+    query: &Q,
+    ray: &Ray,
+    closest: Q::Hit,
+    mut filter: impl FnMut(&Q::Hit) -> Verdict,
+) -> Option<Q::Hit> {
+    match filter(&closest) {
+        Verdict::Accept => Some(closest),
+        Verdict::Stop => None,
+        Verdict::Reject => first(EachHit::behind(query, ray, closest), filter),
+    }
+}
+
 /// Appends the first `max` hits that the filter accepts.
 pub(crate) fn collect<Q: RayQuery>(
     query: &Q,
@@ -65,14 +80,8 @@ pub(crate) fn first_of_each<Q: RayQuery>(
     mut filter: impl FnMut(usize, &Q::Hit) -> Verdict,
 ) {
     for (number, (ray, closest)) in (start..).zip(rays.iter().zip(closest)) {
-        let Some(hit) = *closest else { continue };
-        match filter(number, &hit) {
-            Verdict::Accept => {}
-            Verdict::Stop => *closest = None,
-            Verdict::Reject => {
-                let others = EachHit::behind(query, ray, hit);
-                *closest = first(others, |hit| filter(number, hit));
-            }
+        if let Some(hit) = *closest {
+            *closest = first_from(query, ray, hit, |hit| filter(number, hit));
         }
     }
 }

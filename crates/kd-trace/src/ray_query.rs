@@ -148,7 +148,7 @@ pub trait RayQuery {
     where
         Self: Sized,
     {
-        filtered::first(self.each_hit(ray), filter)
+        filtered::first_from(self, ray, self.intersect(ray)?, filter)
     }
 
     /// Whether a [filter](RayQuery#filters) accepts any hit: equal to `intersect_filtered(ray, filter).is_some()`, with the same
