@@ -283,7 +283,7 @@ impl Query {
 
 /// A filter that rejects the triangles of odd numbers.
 fn half<H: RayHit>(hit: &H) -> Verdict {
-    if hit.triangle() % 2 == 0 {
+    if hit.triangle().is_multiple_of(2) {
         Verdict::Accept
     } else {
         Verdict::Reject

@@ -28,9 +28,11 @@ pub(crate) trait Sees: Copy {
 }
 
 /// A ray without culling.
+#[cfg(any(target_arch = "x86_64", test))]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BothSides;
 
+#[cfg(any(target_arch = "x86_64", test))]
 impl Sees for BothSides {
     #[inline(always)]
     fn sees(self, _: impl FnOnce() -> bool) -> bool {
