@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use kd::glam::{Affine3A, EulerRot, Mat3, Quat, Vec3};
 use kd::query::RayHit;
-use kd::scene::{CommitAction, CommitReason};
+use kd::scene::{CommitAction, CommitReason, PartChange};
 use kd::{BuildOptions, FrameData, Hit, Mesh, PartId, Scene, Strategy};
 use kd_oracle::rng::Rng;
 use kd_oracle::{check_batch, check_ray, effort};
@@ -121,6 +121,7 @@ fn shared_trees_answer_as_copies() {
         }
         let mut parts = originals.clone();
         let mut kept: Vec<(Arc<FrameData>, String)> = Vec::new();
+        let mut shared = 0;
         for commit in 0..effort::count(6, 20) {
             for _ in 0..3 {
                 let of = rng.pick(&originals);
@@ -153,11 +154,8 @@ fn shared_trees_answer_as_copies() {
             }
             let what = format!("{strategy:?}, commit {commit}");
             let report = scene.commit().expect(&what);
-            let shared = report
-                .changes
-                .iter()
-                .filter(|change| change.action == CommitAction::Shared);
-            assert!(shared.count() > 0, "{what}: {report}");
+            let shares = |change: &&PartChange| change.action == CommitAction::Shared;
+            shared += report.changes.iter().filter(shares).count();
             check(&scene.snapshot(), 60, &what);
             for (frame, of) in &kept {
                 check(frame, 20, &format!("{of}, after {what}"));
@@ -167,6 +165,7 @@ fn shared_trees_answer_as_copies() {
                 kept.remove(0);
             }
         }
+        assert!(shared > 6, "{strategy:?}: {shared} parts shared a tree");
         // To frames without shared trees, and back.
         for other in [
             Strategy::Rebuild(BuildOptions::fast()),
@@ -191,10 +190,7 @@ fn shared_trees_answer_as_copies() {
 #[test]
 fn an_instance_takes_at_most_a_kilobyte() {
     const INSTANCES: u16 = if effort::IS_LONG { 10_000 } else { 1000 };
-    let mesh = Spd::Balls
-        .generate(if effort::IS_LONG { 3 } else { 2 })
-        .expect("small")
-        .mesh;
+    let mesh = Spd::Balls.generate(2).expect("small").mesh;
     let mut alone = Scene::new(BuildOptions::fast());
     alone.add_dynamic(mesh.clone()).expect("fits");
     let one = alone.commit().expect("a frame").bytes.total();
