@@ -1,7 +1,8 @@
 //! The surface point that a ray hits: position, normals and colors.
 
 use kd::glam::{Vec3, Vec3A};
-use kd::{Hit, Ray, offset_origin_of, surface_point_of};
+use kd::scene::{offset_origin_of, surface_point_of};
+use kd::{Hit, Ray};
 use kd_scene::Material;
 
 use crate::spot::Spot;

@@ -173,7 +173,7 @@ pub use accel::{Accel, RayBudget};
 pub use glam;
 pub use kd_core::{
     Aabb, CostModel, Culling, Hit, Layout, Mesh, MeshError, Ray, RayPacket8, TreeStats,
-    offset_origin, offset_origin_of, surface_point_of,
+    offset_origin,
 };
 pub use kd_sah::{BuildError, BuildOptions, Method, WideNodes};
 #[cfg(feature = "io")]

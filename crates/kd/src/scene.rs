@@ -26,6 +26,8 @@ use kd_core::{MAX_TRIANGLES, Mesh};
 use kd_sah::BuildOptions;
 use kd_trace::Joined;
 
+pub use kd_core::{offset_origin_of, surface_point_of};
+
 pub use error::{CommitError, SceneError};
 pub use frame::{Frame, FrameData};
 pub use part::PartId;
