@@ -199,13 +199,16 @@ mod tests {
             let [a, b, c] = triangles[0];
             let point = (a.midpoint(b).lerp(c, 0.3) + share * from) * scale;
             let triangles = triangles.map(|corners| corners.map(|corner| corner * scale));
-            prop_assume!(!triangles.iter().any(|corners| is_zero_area(*corners)));
+            // Those without an area do not count, and are in no block.
+            let has_area = triangles.map(|corners| !is_zero_area(corners));
             let mut block = Block::EMPTY;
             let mut faces = [[[0.0; LANES]; 2]; 3];
             let mut squares = [0.0; LANES];
             for (lane, corners) in triangles.into_iter().enumerate() {
                 block.set(lane, 0, corners);
-                squares[lane] = Foot::new(point, corners).squared;
+                if has_area[lane] {
+                    squares[lane] = Foot::new(point, corners).squared;
+                }
                 let bounds = Aabb::around(corners);
                 for (axis, [starts, ends]) in faces.iter_mut().enumerate() {
                     starts[lane] = bounds.min[axis];
@@ -216,7 +219,9 @@ mod tests {
             let reach = Reach::new(point, &bounds);
             let kept = Kept { reach, block: &block, faces, squares };
             for level in [Level::portable(), Level::detect()] {
-                prop_assert_eq!(level.run(&kept), [true; LANES], "{}: {} {:?}", level, point, triangles);
+                let is_kept = level.run(&kept);
+                let is_lost = (0..LANES).any(|lane| has_area[lane] && !is_kept[lane]);
+                prop_assert!(!is_lost, "{level}: {point} {triangles:?}, {is_kept:?}");
             }
         }
     }
