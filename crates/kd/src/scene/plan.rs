@@ -109,7 +109,7 @@ impl Scene {
     /// Plans for the parts that have changed; for all parts where the frame before has no wide nodes of them.
     fn plan_parts(&mut self) -> Result<Vec<PartPlan>, CommitError> {
         let places = match &self.front.shape {
-            Shape::Forests(_) => self.parts.changed(),
+            Shape::Forests(_) => self.changed_or_no_longer_sharing(),
             Shape::Whole(_) | Shape::Merged(_) => self.parts.places(),
         };
         let sharing = self.plan_sharing(&places)?;
@@ -129,6 +129,18 @@ impl Scene {
                 done,
             })
         })
+    }
+
+    /// The places of the parts that have changed, and of those that share a tree where the strategy has none.
+    fn changed_or_no_longer_sharing(&self) -> Vec<usize> {
+        let mut places = self.parts.changed();
+        if !self.may_share() && !self.front.shared.is_empty() {
+            let all = self.parts.places().into_iter();
+            places.extend(all.filter(|place| self.parts.at(*place).shared.is_some()));
+            places.sort_unstable();
+            places.dedup();
+        }
+        places
     }
 
     /// Merges kd-trees, in memory that the frame before does not share. The parts are settled.

@@ -81,7 +81,7 @@ impl Scene {
     /// Trees for parts that shall share them, of those that a commit plans for: by mesh, with the reason.
     pub(super) fn plan_sharing(&mut self, places: &[usize]) -> Result<Sharing, CommitError> {
         let mut sharing = Sharing::default();
-        if !matches!(self.strategy, Strategy::Auto | Strategy::Instances) {
+        if !self.may_share() {
             return Ok(sharing);
         }
         let mut groups: Vec<(MeshKey, Vec<usize>)> = Vec::new();
@@ -105,6 +105,11 @@ impl Scene {
             }
         }
         Ok(sharing)
+    }
+
+    /// Whether the strategy lets parts share trees.
+    pub(super) fn may_share(&self) -> bool {
+        matches!(self.strategy, Strategy::Auto | Strategy::Instances)
     }
 
     /// Why some parts of one mesh, which a commit plans for, shall share a tree; `None` if they shall not.
