@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::Ray;
 use crate::exact::{to_f32, two_sum};
+use crate::{Culling, Ray};
 
 /// A ray far from the origin of its world: an origin in f64, and a ray whose coordinates are offsets from it.
 ///
@@ -13,7 +13,7 @@ use crate::exact::{to_f32, two_sum};
 pub struct WorldRay {
     /// The point of the world at which `ray` has its zero.
     pub origin: DVec3,
-    /// The ray, from `origin`: its direction, range and mask, and the offset of its start, usually zero.
+    /// The ray, from `origin`: its direction, range, mask and culling, and the offset of its start, usually zero.
     pub ray: Ray,
 }
 
@@ -51,12 +51,19 @@ impl WorldRay {
         self
     }
 
+    /// The same ray with another culling, as [`Ray::with_culling`].
+    #[must_use]
+    pub const fn with_culling(mut self, culling: Culling) -> Self {
+        self.ray = self.ray.with_culling(culling);
+        self
+    }
+
     /// The point at `t`, computed in f64.
     pub fn at(&self, t: f64) -> DVec3 {
         self.origin + (self.ray.origin.as_dvec3() + t * self.ray.direction.as_dvec3())
     }
 
-    /// The ray as seen from `origin`: the same direction, range and mask, so the same `t`.
+    /// The ray as seen from `origin`: the same direction, range, mask and culling, so the same `t`.
     ///
     /// Its start is computed in f64 and rounded once to f32. On each axis this errs by at most 2⁻²⁴ of the start's coordinate from
     /// `origin`, and by 2⁻⁵² of the distance between the two origins; [`rounding_from`](Self::rounding_from) is the error itself. The
@@ -133,11 +140,13 @@ mod tests {
     }
 
     #[test]
-    fn ranges_and_masks_are_kept() {
+    fn ranges_masks_and_cullings_are_kept() {
         let ray = WorldRay::new([5e5, 5.2e6, 1.0], [0.0, 0.0, -2.0]);
         let ray = ray.with_range(0.5, 3.0).with_mask(4);
+        let ray = ray.with_culling(Culling::BACK);
         let expected = Ray::new([1.0, 2.0, 3.0], [0.0, 0.0, -2.0]);
         let expected = expected.with_range(0.5, 3.0).with_mask(4);
+        let expected = expected.with_culling(Culling::BACK);
         let origin = DVec3::new(499_999.0, 5_199_998.0, -2.0);
         assert_eq!(ray.relative_to(origin), expected);
         assert_eq!(ray.at(0.5), DVec3::new(5e5, 5.2e6, 0.0));
@@ -147,6 +156,7 @@ mod tests {
             Ray::new([1.0, 2.0, 2.5], [0.0, 0.0, -2.0])
                 .with_range(0.25, 2.75)
                 .with_mask(4)
+                .with_culling(Culling::BACK)
         );
     }
 

@@ -21,7 +21,7 @@ pub fn check(
     let mut expected = Vec::new();
     brute_force::hits(mesh, ray, usize::MAX, &mut expected);
     // Queries that are made of others, and sides, take several times as long: one ray in four asks them.
-    let is_asked_all = key_of(ray) % 4 == 0;
+    let is_asked_all = key_of(ray).is_multiple_of(4);
     let check_all = |ray: &Ray, expected: &[Hit]| {
         for (number, structure) in structures.iter().enumerate() {
             let name = format!("{scene}, structure {number}");

@@ -43,7 +43,6 @@ impl<'a, Q: RayQuery> EachHit<'a, Q> {
     /// Behind a hit of the ray.
     pub(crate) fn behind(query: &'a Q, ray: &Ray, last: Q::Hit) -> Self {
         Self {
-            count: FEW,
             last: Some(last),
             ..Self::new(query, ray, FEW)
         }
@@ -79,10 +78,9 @@ impl<Q: RayQuery> Iterator for EachHit<'_, Q> {
             }
             self.find();
         }
-        let hit = self.found.get(self.next).copied();
+        let hit = *self.found.get(self.next)?;
         self.next += 1;
-        self.next = self.next.min(self.found.len());
-        self.last = hit.or(self.last);
-        hit
+        self.last = Some(hit);
+        Some(hit)
     }
 }

@@ -47,7 +47,7 @@ pub(crate) fn first_from<Q: RayQuery>(
     }
 }
 
-/// Appends the first `max` hits that the filter accepts.
+/// The first `max` hits that the filter accepts. Clears `out` first.
 pub(crate) fn collect<Q: RayQuery>(
     query: &Q,
     ray: &Ray,
@@ -55,17 +55,17 @@ pub(crate) fn collect<Q: RayQuery>(
     out: &mut Vec<Q::Hit>,
     mut filter: impl FnMut(&Q::Hit) -> Verdict,
 ) {
+    out.clear();
     if max == 0 {
         return;
     }
-    let before = out.len();
     for hit in EachHit::new(query, ray, max) {
         match filter(&hit) {
             Verdict::Accept => out.push(hit),
             Verdict::Reject => {}
             Verdict::Stop => return,
         }
-        if out.len() - before == max {
+        if out.len() == max {
             return;
         }
     }
@@ -123,7 +123,6 @@ pub(crate) fn lists<Q: RayQuery>(
     let mut lists = HitLists::with_room_for(rays.len());
     let mut hits = Vec::new();
     for (number, ray) in (start..).zip(rays) {
-        hits.clear();
         collect(query, ray, max, &mut hits, |hit| filter(number, hit));
         lists.push(&hits);
     }

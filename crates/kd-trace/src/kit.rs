@@ -46,6 +46,7 @@ pub use crate::items::VisitItem;
 pub use crate::planes::{Crossing, Frame, PacketPlanes, RayPlanes, Span};
 pub use crate::primitives::AskPrimitives;
 pub use crate::probe::Probe;
+pub use crate::ray_query::rest_of;
 pub use crate::triangle::TriangleTest;
 pub use crate::wide::boxes::walk_boxes;
 pub use crate::wide::placed::Placement;

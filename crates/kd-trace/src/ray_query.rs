@@ -170,7 +170,6 @@ pub trait RayQuery {
     ) where
         Self: Sized,
     {
-        out.clear();
         filtered::collect(self, ray, max, out, filter);
     }
 
@@ -357,7 +356,7 @@ pub trait RayQuery {
 }
 
 /// The part of a ray from a hit on.
-pub(crate) fn rest_of(ray: &Ray, last: &impl RayHit) -> Ray {
+pub fn rest_of(ray: &Ray, last: &impl RayHit) -> Ray {
     ray.with_range(ray.t_min.max(last.t()), ray.t_max)
 }
 

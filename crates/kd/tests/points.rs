@@ -1,12 +1,14 @@
 //! Questions of points, through the facade: trees in both layouts, and frames of scenes with every strategy.
 
+mod strategies;
+
 use kd::glam::{Affine3A, Vec3};
 use kd::points::Nearest;
 use kd::points::{WINDING_ERROR, WindingNumbers, brute_force};
-use kd::scene::MergeMethod;
 use kd::{Aabb, BuildOptions, FrameData, KdTree, Layout, Mesh, PartId, Scene, Strategy};
 use kd_oracle::rng::Rng;
 use kd_oracle::{effort, scenes};
+use strategies::updating;
 
 /// Points on, near and far from a mesh.
 fn points(mesh: &Mesh, count: usize, seed: u64) -> Vec<Vec3> {
@@ -135,19 +137,15 @@ fn winding_numbers_are_near_the_sum_of_all_triangles() {
     }
 }
 
+/// Those of [`updating`], and rebuilds.
 fn strategies() -> Vec<Strategy> {
-    vec![
-        Strategy::Auto,
-        Strategy::Rebuild(BuildOptions::fast()),
-        Strategy::Rebuild(BuildOptions::fast().with_layout(Layout::Binary)),
-        Strategy::Refit,
-        Strategy::Instances,
-        Strategy::Dual,
-        Strategy::Merge(MergeMethod::Guided),
-        Strategy::Merge(MergeMethod::PartitionTrees),
-        Strategy::Merge(MergeMethod::BspMerge),
-        Strategy::Merge(MergeMethod::Insertion),
-    ]
+    let rebuild = BuildOptions::fast();
+    let mut all = updating();
+    all.push(Strategy::Rebuild(
+        rebuild.clone().with_layout(Layout::Binary),
+    ));
+    all.push(Strategy::Rebuild(rebuild));
+    all
 }
 
 /// All parts of a frame in one mesh, and the part and number of each triangle.

@@ -1,6 +1,7 @@
 //! Scenes that change, under every strategy, against testing all triangles of all parts; and their errors.
 
 mod rays;
+mod strategies;
 
 use std::sync::Arc;
 
@@ -15,20 +16,14 @@ use kd_oracle::effort;
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
+use strategies::updating;
 
+/// Those of [`updating`], and rebuilds.
 fn strategies() -> Vec<Strategy> {
-    vec![
-        Strategy::Auto,
-        Strategy::Merge(MergeMethod::Guided),
-        Strategy::Merge(MergeMethod::PartitionTrees),
-        Strategy::Merge(MergeMethod::BspMerge),
-        Strategy::Merge(MergeMethod::Insertion),
-        Strategy::Refit,
-        Strategy::Instances,
-        Strategy::Dual,
-        Strategy::Rebuild(BuildOptions::balanced()),
-        Strategy::Rebuild(BuildOptions::best().with_threads(1)),
-    ]
+    let mut all = updating();
+    all.push(Strategy::Rebuild(BuildOptions::balanced()));
+    all.push(Strategy::Rebuild(BuildOptions::best().with_threads(1)));
+    all
 }
 
 /// All triangles of a frame, and the part and triangle of each.
@@ -222,7 +217,7 @@ fn gears_and_balls(options: BuildOptions) -> (Scene, [PartId; 3]) {
 
 #[test]
 fn frames_of_one_pose_take_equal_memory_after_any_history() {
-    for strategy in strategies().into_iter().take(8) {
+    for strategy in updating() {
         let (mut scene, [_, moving, other]) = gears_and_balls(BuildOptions::balanced());
         scene.set_strategy(strategy.clone());
         let mut sizes = vec![];

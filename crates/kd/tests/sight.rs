@@ -1,38 +1,28 @@
 //! Masks of parts and culling of sides, in scenes of every strategy, for every query: against testing all triangles.
 
 mod rays;
+mod strategies;
 
 use std::sync::Arc;
 
 use kd::glam::{Affine3A, Quat, Vec3};
 use kd::query::RayHit;
 use kd::scene::SceneError;
-use kd::{BuildOptions, Culling, FrameData, Hit, MergeMethod, Mesh, PartId, Ray, Scene, Strategy};
+use kd::{BuildOptions, Culling, FrameData, Hit, Mesh, PartId, Ray, Scene, Strategy};
 use kd_oracle::{check_batch, check_ray, effort};
 use kd_scene::Spd;
 use kd_trace::brute_force;
 use rays::rays_for;
+use strategies::updating;
 
+/// All strategies, those that build wide nodes of parts with builders of both kinds of splits and for both layouts.
 fn strategies() -> Vec<(BuildOptions, Strategy)> {
-    let merge = |method| (BuildOptions::fast(), Strategy::Merge(method));
-    vec![
-        (BuildOptions::best(), Strategy::Auto),
-        (
-            BuildOptions::fast().with_layout(kd::Layout::Binary),
-            Strategy::Auto,
-        ),
-        merge(MergeMethod::Guided),
-        merge(MergeMethod::PartitionTrees),
-        merge(MergeMethod::BspMerge),
-        merge(MergeMethod::Insertion),
-        (BuildOptions::fast(), Strategy::Refit),
-        (BuildOptions::fast(), Strategy::Instances),
-        (BuildOptions::fast(), Strategy::Dual),
-        (
-            BuildOptions::fast(),
-            Strategy::Rebuild(BuildOptions::fast()),
-        ),
-    ]
+    let fast = BuildOptions::fast;
+    let mut all: Vec<_> = updating().into_iter().map(|each| (fast(), each)).collect();
+    all.push((BuildOptions::best(), Strategy::Auto));
+    all.push((fast().with_layout(kd::Layout::Binary), Strategy::Auto));
+    all.push((fast(), Strategy::Rebuild(fast())));
+    all
 }
 
 /// A part as it was added: its mask, and whether its transform mirrors.

@@ -11,7 +11,7 @@ use crate::description::mirrors;
 use crate::draft::{PartDraft, Transform};
 use crate::report::{Place, WarningCode};
 
-/// An instance takes about as much memory as so many vertices.
+/// Vertices that take the memory of an instance: 12 bytes each, and 96 bytes.
 const OF_INSTANCE: usize = 8;
 
 impl Reader<'_> {

@@ -3,7 +3,7 @@
 use kd_core::{Aabb, Hit, Layout, LayoutBytes, MAX_TRIANGLES, Ray, Tree};
 use kd_sah::{BuildError, BuildOptions, BuildProgress};
 use kd_trace::kit::{
-    Any, AskPrimitives, Closest, Collect, Ordered, VisitItem, WideBoxes, walk_boxes,
+    Any, AskPrimitives, Closest, Collect, Ordered, VisitItem, WideBoxes, rest_of, walk_boxes,
     walk_references,
 };
 use kd_trace::{Level, Primitives, RayQuery};
@@ -243,7 +243,7 @@ impl<P: Primitives> RayQuery for PrimitiveTree<P> {
     /// Only the primitives along the rest of the ray are asked, but for the hits of the whole ray: a later start would find where the ray
     /// leaves a primitive that it has entered before.
     fn hits_behind(&self, ray: &Ray, last: &Hit, max: usize, out: &mut Vec<Hit>) {
-        let rest = ray.with_range(ray.t_min.max(last.t), ray.t_max);
+        let rest = rest_of(ray, last);
         Ordered::fill_behind(out, Some(*last), max, |ordered| {
             self.collect(ray, &rest, ordered);
         });

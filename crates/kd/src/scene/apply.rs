@@ -25,7 +25,10 @@ impl Scene {
             Plan::Parts(plans) => self.apply_parts(&plans),
             Plan::Merged(plan) => self.apply_merge(plan),
             Plan::Whole(meshes, layout) => self.apply_whole(&meshes, layout),
-            Plan::Masks => (self.apply_masks(), self.joined),
+            Plan::Masks => {
+                self.apply_masks();
+                (Vec::new(), self.joined)
+            }
         };
         self.joined = joined;
         self.made_by = Some(self.strategy.clone());
@@ -212,12 +215,11 @@ impl Scene {
     }
 
     /// Shows the frame before, with the masks that were set since.
-    fn apply_masks(&mut self) -> Vec<PartChange> {
+    fn apply_masks(&mut self) {
         let mut frame = self.next_frame();
         self.set_masks(&mut frame);
         frame.parts.fit();
         self.front = Arc::new(frame);
-        Vec::new()
     }
 
     /// Gives the parts of a frame the masks that were set since the last commit.

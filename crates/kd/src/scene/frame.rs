@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use kd_core::{Aabb, Culling, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
-use kd_trace::kit::{Any, Closest, Collect, Ordered};
+use kd_trace::kit::{Any, Closest, Collect, Ordered, rest_of};
 use kd_trace::{RayQuery, WideForest, WideTree, delegate_ray_query};
 
 use super::PartId;
@@ -172,7 +172,7 @@ impl FrameData {
                 ..hit
             },
         };
-        let rest = ray.with_range(ray.t_min.max(hit.t), ray.t_max);
+        let rest = rest_of(ray, &hit);
         let mut found = Vec::new();
         Ordered::fill_behind(&mut found, Some(last), max, |ordered| {
             self.collect(&rest, ordered);

@@ -23,8 +23,8 @@ pub(super) struct Sight {
 pub(super) struct Sights {
     /// The bits that all masks have.
     common: u32,
-    /// Each mask once; empty if there are more than [`Self::MOST`].
-    masks: Vec<u32>,
+    /// Each mask once; `None` if there are more than [`Self::MOST`].
+    masks: Option<Vec<u32>>,
     /// Whether sides are decided part by part: where a part is mirrored, or shares a tree.
     has_own_sides: bool,
 }
@@ -33,7 +33,7 @@ impl Default for Sights {
     fn default() -> Self {
         Self {
             common: u32::MAX,
-            masks: Vec::new(),
+            masks: Some(Vec::new()),
             has_own_sides: false,
         }
     }
@@ -44,29 +44,36 @@ impl Sights {
     const MOST: usize = 16;
 
     pub(super) fn of(sights: &[Sight]) -> Self {
-        let each = sights.iter().map(|sight| Self {
-            common: sight.mask,
-            masks: vec![sight.mask],
-            has_own_sides: sight.is_mirrored || sight.is_shared,
-        });
-        each.fold(Self::default(), |all, one| all.and(&one))
+        let mut all = Self::default();
+        for sight in sights {
+            all.common &= sight.mask;
+            all.has_own_sides |= sight.is_mirrored || sight.is_shared;
+            all.add_mask(sight.mask);
+        }
+        all
     }
 
     /// Of the parts of both.
     pub(super) fn and(mut self, others: &Self) -> Self {
-        let is_known = |of: &Self| !of.masks.is_empty() || of == &Self::default();
-        let are_known = is_known(&self) && is_known(others);
         self.common &= others.common;
         self.has_own_sides |= others.has_own_sides;
-        for mask in &others.masks {
-            if !self.masks.contains(mask) {
-                self.masks.push(*mask);
-            }
-        }
-        if !are_known || self.masks.len() > Self::MOST {
-            self.masks.clear();
+        match &others.masks {
+            Some(masks) => masks.iter().for_each(|mask| self.add_mask(*mask)),
+            None => self.masks = None,
         }
         self
+    }
+
+    fn add_mask(&mut self, mask: u32) {
+        let Some(masks) = &mut self.masks else { return };
+        if masks.contains(&mask) {
+            return;
+        }
+        if masks.len() < Self::MOST {
+            masks.push(mask);
+        } else {
+            self.masks = None;
+        }
     }
 
     /// Whether the ray surely sees all parts, and those sides of all that it sees of their triangles.
@@ -77,7 +84,8 @@ impl Sights {
     }
 
     fn has_bit_of_each(&self, mask: u32) -> bool {
-        !self.masks.is_empty() && self.masks.iter().all(|of_part| of_part & mask != 0)
+        let masks = self.masks.as_deref();
+        masks.is_some_and(|masks| masks.iter().all(|of_part| of_part & mask != 0))
     }
 }
 

@@ -65,8 +65,9 @@ impl Scene {
     /// once, by at most 2⁻²⁴ of itself; with a mere translation, exact results stay exact. The mesh of a part that is not moved, such as
     /// one from [`Mesh::from_f64_at`](crate::Mesh::from_f64_at) with the scene's origin, is shared instead of copied.
     ///
-    /// [`set_transform`](Self::set_transform) and this replace each other. The former maps to coordinates relative to the origin, in
-    /// f32. Strategies that [merge kd-trees](crate::MergeMethod::PartitionTrees) build the kd-tree of a part anew whenever it moves in f64.
+    /// This and [`set_transform`](Self::set_transform) replace each other's transform. That of `set_transform` is in f32, and maps to
+    /// coordinates relative to the origin. [Merges of kd-trees](crate::MergeMethod::PartitionTrees) reuse the kd-tree of a part that
+    /// moves in f32, and rebuild that of a part that moves in f64.
     ///
     /// # Errors
     ///

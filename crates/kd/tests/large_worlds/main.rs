@@ -4,6 +4,8 @@ mod city;
 mod far;
 mod reference;
 mod scenes;
+#[path = "../strategies/mod.rs"]
+mod strategies;
 
 use city::{City, Grid};
 use kd::glam::{DVec3, Vec3};

@@ -3,25 +3,19 @@
 use kd::glam::{Affine3A, DAffine3, DVec3, Vec3};
 use kd::scene::{CommitAction, PartChange, SceneError};
 use kd::world::{World, WorldRay};
-use kd::{BuildOptions, Frame, Hit, MergeMethod, Mesh, PartId, Ray, Scene, Strategy};
+use kd::{BuildOptions, Frame, Hit, Mesh, PartId, Ray, Scene, Strategy};
 use kd_oracle::rng::Rng;
 use kd_trace::brute_force;
 
 use crate::UTM;
 use crate::city::{City, Grid};
+use crate::strategies::updating;
 
+/// Those of [`updating`], and a rebuild.
 fn strategies() -> Vec<Strategy> {
-    vec![
-        Strategy::Auto,
-        Strategy::Merge(MergeMethod::Guided),
-        Strategy::Merge(MergeMethod::PartitionTrees),
-        Strategy::Merge(MergeMethod::BspMerge),
-        Strategy::Merge(MergeMethod::Insertion),
-        Strategy::Refit,
-        Strategy::Instances,
-        Strategy::Dual,
-        Strategy::Rebuild(BuildOptions::fast()),
-    ]
+    let mut all = updating();
+    all.push(Strategy::Rebuild(BuildOptions::fast()));
+    all
 }
 
 fn scene(origin: DVec3, strategy: Strategy) -> Scene {

@@ -106,23 +106,30 @@ pub(super) fn collect<C: Collect, P: Probe>(
     match NodeRay::usual(&numbers, subtree.tree().frame()) {
         Prepared::Unusual => trace_unusual(simd, subtree, ray, collector, probe),
         Prepared::Usual(nodes) => {
-            let mut progress = Progress::new(&nodes);
-            let sees = BothSides;
-            let mut query = Collecting {
-                simd,
-                sees,
-                collector,
-            };
-            trace(
-                subtree,
-                || numbers,
-                &nodes,
-                &mut progress,
-                &mut query,
-                probe,
-            );
+            collect_usual(simd, subtree, numbers, &nodes, BothSides, collector, probe);
         }
     }
+}
+
+/// Gives the collector every hit of a usual ray that it may want, on the sides that the ray sees.
+#[target_feature(enable = "avx2,fma,popcnt,lzcnt,bmi1")]
+#[inline]
+fn collect_usual<C: Collect, V: Sees, P: Probe>(
+    simd: Avx2,
+    subtree: Subtree<'_>,
+    numbers: Numbers,
+    nodes: &NodeRay,
+    sees: V,
+    collector: &mut C,
+    probe: &mut P,
+) {
+    let mut query = Collecting {
+        simd,
+        sees,
+        collector,
+    };
+    let mut progress = Progress::new(nodes);
+    trace(subtree, || numbers, nodes, &mut progress, &mut query, probe);
 }
 
 /// The collector of the answer of a ray that is not usual.
@@ -156,21 +163,8 @@ fn trace_unusual<C: Collect, P: Probe>(
     if !ray.culling.is_none() {
         let numbers = Numbers::of(ray);
         if let Prepared::Usual(nodes) = NodeRay::usual(&numbers, subtree.tree().frame()) {
-            let mut progress = Progress::new(&nodes);
             let sees = ray.culling;
-            let mut query = Collecting {
-                simd,
-                sees,
-                collector,
-            };
-            trace(
-                subtree,
-                || numbers,
-                &nodes,
-                &mut progress,
-                &mut query,
-                probe,
-            );
+            collect_usual(simd, subtree, numbers, &nodes, sees, collector, probe);
             return;
         }
     }
