@@ -124,7 +124,7 @@ pub use each_hit::EachHit;
 pub use filtered::Verdict;
 pub use hit_lists::HitLists;
 pub use kd_simd::Level;
-pub use kd_wide::{Division, Join, Joined, Refit, WideForest, WideTree};
+pub use kd_wide::{Division, Join, Joined, MemberSize, Refit, WideForest, WideTree};
 pub use primitives::{PrimitiveHit, Primitives};
 pub use ray_hit::RayHit;
 pub use ray_query::RayQuery;

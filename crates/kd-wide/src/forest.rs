@@ -105,15 +105,28 @@ impl WideForest {
         self.note_new(number)
     }
 
-    /// Reserves memory for the members that [`push`](Self::push) will copy from these trees, so that the arrays grow once.
-    pub fn reserve<'t>(&mut self, trees: impl Iterator<Item = &'t WideTree> + Clone) {
+    /// Reserves memory for members of these sizes, so that the arrays grow once.
+    pub fn reserve(&mut self, members: impl Iterator<Item = MemberSize>) {
+        let all = members.fold(MemberSize::default(), |all, one| MemberSize {
+            nodes: all.nodes + one.nodes,
+            blocks: all.blocks + one.blocks,
+        });
         let arrays = &mut self.tree.arrays;
-        arrays
-            .nodes
-            .reserve(trees.clone().map(|tree| tree.nodes().len()).sum());
-        arrays
-            .blocks
-            .reserve(trees.map(|tree| tree.blocks().len()).sum());
+        arrays.nodes.reserve(all.nodes);
+        arrays.blocks.reserve(all.blocks);
+    }
+
+    /// The size of a member.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such member.
+    pub fn size(&self, number: usize) -> MemberSize {
+        let member = &self.members.all()[number];
+        MemberSize {
+            nodes: member.nodes().len(),
+            blocks: member.blocks().len(),
+        }
     }
 
     /// Adds a copy of a member of another forest, as [`push`](Self::push) does.
@@ -335,6 +348,23 @@ impl WideForest {
         }
         self.top = Some(top);
         None
+    }
+}
+
+/// How much of the arrays of a forest a member takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemberSize {
+    nodes: usize,
+    blocks: usize,
+}
+
+impl MemberSize {
+    /// That of a member that is a copy of a tree.
+    pub fn of(tree: &WideTree) -> Self {
+        Self {
+            nodes: tree.nodes().len(),
+            blocks: tree.blocks().len(),
+        }
     }
 }
 

@@ -99,7 +99,7 @@ pub use bottom_up::clusters;
 pub use box_tree::Item;
 pub use boxes::WideBoxes;
 pub use divide::{MAX_LEVELS, PLANES_ABOVE};
-pub use forest::{Join, Joined, Refit, WideForest};
+pub use forest::{Join, Joined, MemberSize, Refit, WideForest};
 pub use frame::{Frame, MOST_USUAL, PER_REACH};
 pub use morton::in_morton_order;
 pub use node::{Child, WIDTH, WideNode};

@@ -113,6 +113,16 @@ impl<T: Copy> Paged<T> {
         self.all.extend_from_slice(&elements[replaced..]);
     }
 
+    /// [`put`](Self::put) with elements of this array, which are not among those that it replaces.
+    pub(crate) fn put_again(&mut self, start: usize, elements: Range<usize>, at: State) {
+        self.note(&(start..start + elements.len()), at);
+        let replaced = elements.start..elements.end.min(elements.start + self.all.len() - start);
+        let added = replaced.end..elements.end;
+        self.all.copy_within(replaced, start);
+        reserve(&mut self.all, added.len());
+        self.all.extend_from_within(added);
+    }
+
     /// Moves elements down to `start`, over others.
     pub(crate) fn move_down(&mut self, range: Range<usize>, start: usize, at: State) {
         if start < range.start {
@@ -192,6 +202,17 @@ mod tests {
             }
         }
         assert!(copied < pages / 2, "{copied} of {pages} pages copied");
+    }
+
+    #[test]
+    fn elements_are_put_again_in_place_and_behind() {
+        let mut array = Paged::of((0..10).collect());
+        array.put_again(8, 1..4, State::next());
+        assert_eq!(array.all, [0, 1, 2, 3, 4, 5, 6, 7, 1, 2, 3]);
+        array.put_again(0, 9..11, State::next());
+        assert_eq!(array.all, [2, 3, 2, 3, 4, 5, 6, 7, 1, 2, 3]);
+        array.put_again(11, 0..2, State::next());
+        assert_eq!(array.all[11..], [2, 3]);
     }
 
     #[test]

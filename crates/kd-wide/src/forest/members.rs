@@ -6,7 +6,7 @@ use super::room::Room;
 use crate::arrays::{Arrays, Paged, State};
 use crate::block::Block;
 use crate::box_tree::to_u32;
-use crate::node::{Child, WideNode};
+use crate::node::Child;
 
 /// A range of nodes and a range of blocks. The nodes refer to these ranges only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,9 +121,12 @@ impl Members {
         slots: u32,
         at: State,
     ) -> usize {
+        let added = self.place(to, member);
         let nodes = &from.nodes()[member.nodes()];
+        to.nodes.put(added.nodes().start, nodes, at);
         let blocks = &from.blocks()[member.blocks()];
-        let number = self.add(to, (nodes, blocks), member, at);
+        to.blocks.put(added.blocks().start, blocks, at);
+        let number = self.add(to, added, member, at);
         self.add_to_slots(to, number, slots, at);
         number
     }
@@ -131,29 +134,28 @@ impl Members {
     /// Copies one of the members. Returns the number of the copy.
     pub(crate) fn push_again(&mut self, arrays: &mut Arrays, number: usize, at: State) -> usize {
         let member = self.all[number];
-        let nodes = arrays.nodes()[member.nodes()].to_vec();
-        let blocks = arrays.blocks()[member.blocks()].to_vec();
-        self.add(arrays, (&nodes, &blocks), &member, at)
+        let added = self.place(arrays, &member);
+        let nodes = &mut arrays.nodes;
+        nodes.put_again(added.nodes().start, member.nodes(), at);
+        let blocks = &mut arrays.blocks;
+        blocks.put_again(added.blocks().start, member.blocks(), at);
+        self.add(arrays, added, &member, at)
     }
 
-    /// Adds nodes and blocks that refer to each other as those of `member` do.
-    fn add(
-        &mut self,
-        to: &mut Arrays,
-        (nodes, blocks): (&[WideNode], &[Block]),
-        member: &Member,
-        at: State,
-    ) -> usize {
-        let first_node = place(&mut self.nodes, nodes.len(), to.nodes().len());
-        let first_block = place(&mut self.blocks, blocks.len(), to.blocks().len());
-        to.nodes.put(first_node, nodes, at);
-        to.blocks.put(first_block, blocks, at);
-        let mut added = Member {
+    /// Where a copy of a member goes. Its root is still that of the member.
+    fn place(&mut self, to: &Arrays, member: &Member) -> Member {
+        let first_node = place(&mut self.nodes, member.nodes().len(), to.nodes().len());
+        let first_block = place(&mut self.blocks, member.blocks().len(), to.blocks().len());
+        Member {
             first_node: to_u32(first_node),
             first_block: to_u32(first_block),
             ..*member
-        };
-        added.rebase(member, to, at);
+        }
+    }
+
+    /// Adds a member whose nodes and blocks were copied from those of `before`. Returns its number.
+    fn add(&mut self, to: &mut Arrays, mut added: Member, before: &Member, at: State) -> usize {
+        added.rebase(before, to, at);
         let number = self.vacant.pop().unwrap_or(to_u32(self.all.len())) as usize;
         self.all.put(number, &[added], at);
         number
@@ -269,6 +271,7 @@ fn place(room: &mut Room, length: usize, end: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::WideNode;
 
     /// A member of this number of nodes, each the parent of the next, and a block at the end.
     fn chain(nodes: usize) -> Arrays {

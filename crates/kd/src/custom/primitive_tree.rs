@@ -21,7 +21,7 @@ use super::source::WithBoxes;
 ///   [`wide_nodes`](BuildOptions::wide_nodes) and methods the options have. About 60 bytes a primitive, besides the primitives themselves.
 /// - [`Layout::Binary`]: the kd-tree of the options, whose planes cut primitives by [`clipped_bounds`](Primitives::clipped_bounds).
 ///   Slower: a ray asks every primitive of a leaf, one by one. The cost model of the presets is for tests of eight at a time; with
-///   [`CostModel::CLASSIC`](crate::CostModel::CLASSIC) leaves are smaller, and a ray through spheres asks a tenth of them.
+///   [`CostModel::CLASSIC`](crate::CostModel::CLASSIC) leaves are smaller, and a ray through spheres asks a third to a tenth of them.
 ///
 /// Batches and packets trace one ray after another.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kd_core::Mesh;
-use kd_trace::{Join, Joined, Refit, WideForest};
+use kd_trace::{Join, Joined, MemberSize, Refit, WideForest};
 
 use super::part::{PartNodes, Role};
 use super::plan::{Nodes, PartPlan, Planned};
@@ -84,14 +84,14 @@ impl Scene {
                 forests[nodes.forest].remove(nodes.member);
             }
         }
+        let sizes = updates.iter().map(|update| {
+            let forest = self.forest_of(self.parts.at(update.place).role);
+            (forest, self.added_size(forests, updates, update.nodes))
+        });
+        let sizes: Vec<(usize, MemberSize)> = sizes.collect();
         for (number, forest) in forests.iter_mut().enumerate() {
-            let of_forest = updates
-                .iter()
-                .filter(|update| self.forest_of(self.parts.at(update.place).role) == number);
-            forest.reserve(of_forest.filter_map(|update| match update.nodes {
-                Nodes::New(tree) => Some(tree),
-                Nodes::Kept | Nodes::Copied(_) => None,
-            }));
+            let of_forest = sizes.iter().filter(|size| size.0 == number);
+            forest.reserve(of_forest.map(|size| size.1));
         }
         let mut refits: Vec<Vec<Refit<'_>>> = vec![Vec::new(); forests.len()];
         for update in updates {
@@ -145,6 +145,32 @@ impl Scene {
                 }
             };
             self.parts.at_mut(update.place).cost = cost;
+        }
+    }
+
+    /// How much `nodes` of one of the updates add to a forest. An original precedes its instances.
+    fn added_size(
+        &self,
+        forests: &[WideForest],
+        updates: &[Update<'_>],
+        nodes: &Nodes,
+    ) -> MemberSize {
+        match nodes {
+            Nodes::Kept => MemberSize::default(),
+            Nodes::New(tree) => MemberSize::of(tree),
+            Nodes::Copied(original) => {
+                let update = updates.binary_search_by_key(original, |update| update.place);
+                match update.map(|update| updates[update].nodes) {
+                    Ok(nodes @ (Nodes::New(_) | Nodes::Copied(_))) => {
+                        self.added_size(forests, updates, nodes)
+                    }
+                    Ok(Nodes::Kept) | Err(_) => {
+                        let nodes = self.parts.at(*original).nodes;
+                        let nodes = nodes.expect("it is in the frame");
+                        forests[nodes.forest].size(nodes.member)
+                    }
+                }
+            }
         }
     }
 
