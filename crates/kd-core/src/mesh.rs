@@ -1,6 +1,7 @@
 //! Triangle meshes, checked on construction.
 
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
+use kd_buffer::Buffer;
 use thiserror::Error;
 
 use crate::{Aabb, is_zero_area, transformed_point};
@@ -19,8 +20,8 @@ pub const MAX_TRIANGLES: usize = (1 << 30) - 1;
 /// Memory: 12 bytes per vertex and 12 bytes per triangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
-    positions: Vec<[f32; 3]>,
-    triangles: Vec<[u32; 3]>,
+    positions: Buffer<[f32; 3]>,
+    triangles: Buffer<[u32; 3]>,
     bounds: Aabb,
 }
 
@@ -82,6 +83,18 @@ impl Mesh {
     ///
     /// [`MeshError`] names the first vertex that is not finite, or the first triangle with an index out of range.
     pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
+        Self::from_buffers(positions.into(), triangles.into())
+    }
+
+    /// [`new`](Self::new) without a copy of what is in a mapped file.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn from_buffers(
+        positions: Buffer<[f32; 3]>,
+        triangles: Buffer<[u32; 3]>,
+    ) -> Result<Self, MeshError> {
         if triangles.len() > MAX_TRIANGLES {
             return Err(MeshError::TooLarge {
                 triangles: triangles.len(),
@@ -102,8 +115,23 @@ impl Mesh {
         Ok(Self::checked(positions, triangles))
     }
 
+    /// A mesh of buffers that are taken for those of a mesh with these bounds, unread. Constant time.
+    ///
+    /// If they are not, answers about the mesh are wrong and queries may panic; memory stays safe.
+    pub fn from_trusted_buffers(
+        positions: Buffer<[f32; 3]>,
+        triangles: Buffer<[u32; 3]>,
+        bounds: Aabb,
+    ) -> Self {
+        Self {
+            positions,
+            triangles,
+            bounds,
+        }
+    }
+
     /// A mesh of positions and indices that satisfy the rules of [`new`](Self::new). Computes the bounds.
-    fn checked(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Self {
+    fn checked(positions: Buffer<[f32; 3]>, triangles: Buffer<[u32; 3]>) -> Self {
         let corners = triangles.iter().flatten();
         let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let (min, max) = corners.fold(nothing, |(min, max), &i| {
@@ -147,7 +175,7 @@ impl Mesh {
                 triangles: triangles.len(),
             });
         }
-        Ok(Self::checked(positions, triangles))
+        Ok(Self::checked(positions.into(), triangles.into()))
     }
 
     /// The same triangles with new positions, one for each vertex. Linear, and faster than [`new`](Self::new), since indices
@@ -165,7 +193,7 @@ impl Mesh {
             });
         }
         check_finite(&positions)?;
-        Ok(Self::checked(positions, self.triangles.clone()))
+        Ok(Self::checked(positions.into(), self.triangles.clone()))
     }
 
     /// The mesh with every vertex transformed by [`transformed_point`]. Any transform is valid: a mirroring one reverses the orientation of
@@ -265,7 +293,7 @@ impl Mesh {
 
     /// Bytes of vertices and indices.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.positions.as_slice()) + size_of_val(self.triangles.as_slice())
+        size_of_val(self.positions()) + size_of_val(self.triangles())
     }
 
     #[inline]

@@ -56,6 +56,7 @@ mod plane;
 mod prim;
 mod promising;
 mod small;
+mod words;
 
 use kd_core::{MAX_TRIANGLES, PrimSource, Tree};
 use kd_tasks::Tracker;

@@ -87,8 +87,8 @@ pub struct BuildOptions {
     pub(crate) median_levels: u32,
     pub(crate) longest_axis: bool,
     pub(crate) plane_adjustment: f32,
-    layout: Layout,
-    wide_nodes: WideNodes,
+    pub(crate) layout: Layout,
+    pub(crate) wide_nodes: WideNodes,
 }
 
 /// The default depth limit, for any number of primitives.

@@ -5,6 +5,8 @@
               of a ray's time"
 )]
 
+use kd_buffer::Buffer;
+
 use crate::block::Block;
 use crate::node::{Child, WideNode};
 
@@ -43,13 +45,32 @@ impl Arrays {
     /// # Panics
     ///
     /// If a child is not among the nodes and blocks.
-    pub(crate) fn new(nodes: Vec<WideNode>, blocks: Vec<Block>, root: Child) -> Self {
+    pub(crate) fn new(
+        nodes: impl Into<Buffer<WideNode>>,
+        blocks: impl Into<Buffer<Block>>,
+        root: Child,
+    ) -> Self {
+        let (nodes, blocks) = (nodes.into(), blocks.into());
         let is_there = |child: Child| child.is_within(nodes.len(), blocks.len());
         let children = nodes.iter().flat_map(|node| node.children);
         assert!(
             is_there(root) && children.into_iter().all(is_there),
             "every child is a node or blocks of the same tree"
         );
+        // SAFETY: they were just checked.
+        unsafe { Self::new_unchecked(nodes, blocks, root) }
+    }
+
+    /// [`new`](Self::new) without the check, unread.
+    ///
+    /// # Safety
+    ///
+    /// The root and every child of a node is among these nodes and blocks.
+    pub(crate) unsafe fn new_unchecked(
+        nodes: Buffer<WideNode>,
+        blocks: Buffer<Block>,
+        root: Child,
+    ) -> Self {
         Self {
             nodes: Paged::of(nodes),
             blocks: Paged::of(blocks),

@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3A, Vec4};
+use kd_buffer::advise_large_pages;
 use kd_core::{Aabb, Axis, Mesh};
 
 use crate::collapse::{self, Choice, Costs};
-use crate::large_pages;
 
 /// A binary tree of tight boxes over triangles, or over finished subtrees. Children follow their parents; the root is first.
 #[derive(Debug)]
@@ -171,8 +171,8 @@ impl BoxTree {
             nodes: Vec::with_capacity(items / 2),
             items: Vec::with_capacity(items),
         };
-        large_pages::advise(&tree.nodes);
-        large_pages::advise(&tree.items);
+        advise_large_pages(&tree.nodes);
+        advise_large_pages(&tree.items);
         tree
     }
 

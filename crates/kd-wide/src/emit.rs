@@ -9,6 +9,7 @@ mod prospect;
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use kd_buffer::advise_large_pages;
 use kd_core::{Aabb, Mesh};
 use kd_simd::LANES;
 use kd_tasks::{Share, Tracker};
@@ -16,7 +17,6 @@ use smallvec::SmallVec;
 
 use crate::block::Block;
 use crate::box_tree::{BoxTree, Kind, to_u32};
-use crate::large_pages;
 use crate::node::{Child, WIDTH, WideNode};
 use crate::work::Work;
 use prospect::Prospect;
@@ -197,8 +197,8 @@ pub(crate) fn emit(
     // the work of touching them.
     let mut nodes: Vec<WideNode> = bytemuck::zeroed_vec(own_nodes + 1 + of_aside.nodes);
     let mut blocks: Vec<Block> = bytemuck::zeroed_vec(of_boxes.blocks + of_aside.blocks);
-    large_pages::advise(&nodes);
-    large_pages::advise(&blocks);
+    advise_large_pages(&nodes);
+    advise_large_pages(&blocks);
     let mut space = Space {
         nodes: &mut nodes,
         blocks: &mut blocks,

@@ -1,9 +1,9 @@
 //! Items to divide: the triangles of a mesh, those with an area and those without, or boxes.
 
+use kd_buffer::advise_large_pages;
 use kd_core::{Aabb, Mesh, Tree};
 
 use crate::box_tree::Item;
-use crate::large_pages;
 
 /// The triangles of a mesh.
 pub(crate) struct Items {
@@ -47,7 +47,7 @@ fn each_item(
     const CHUNK: usize = 1 << 12;
     // Zeroed pages of the system, untouched: threads share the work of touching them.
     let mut items: Vec<Item> = bytemuck::zeroed_vec(count);
-    large_pages::advise(&items);
+    advise_large_pages(&items);
     let chunks = (0..).step_by(CHUNK).zip(items.chunks_mut(CHUNK));
     let some_are_empty = kd_tasks::map(chunks.collect(), is_parallel, |(first, chunk)| {
         let mut some_are_empty = false;

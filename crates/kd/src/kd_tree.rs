@@ -1,11 +1,9 @@
 //! A kd-tree with its mesh.
 
-use std::fs::File;
-use std::io::{self, BufWriter};
-use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use kd_core::{FileError, Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
+use kd_core::{Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
+use kd_file::SavedFile;
 use kd_points::WindingNumbers;
 use kd_sah::{BuildError, BuildOptions, BuildProgress};
 use kd_trace::{Level, RayQuery, delegate_ray_query};
@@ -24,17 +22,19 @@ use crate::layout::{self, LayoutPolicy, TreeLayout, TreeLayoutRef};
 /// # The kd-tree itself
 ///
 /// Rays through wide nodes need no kd-tree, so the presets do not build one ([`WideNodes`](crate::WideNodes)). It is built on
-/// demand, by the method of the preset: [`kd_tree`](Self::kd_tree) builds it at its first call, and so do [`nodes`](Self::nodes)
-/// and [`save`](Self::save). [`Layout::Binary`] and [`BuildOptions::with_method`] always build it.
+/// demand, by the method of the preset: [`kd_tree`](Self::kd_tree) builds it at its first call, and so does [`nodes`](Self::nodes).
+/// [`Layout::Binary`] and [`BuildOptions::with_method`] always build it.
 #[derive(Clone, Debug)]
 pub struct KdTree {
-    mesh: Arc<Mesh>,
+    pub(crate) mesh: Arc<Mesh>,
     /// Built with the layout, or on demand.
-    tree: OnceLock<Tree>,
+    pub(crate) tree: OnceLock<Tree>,
     pub(crate) layout: TreeLayout,
-    options: BuildOptions,
+    pub(crate) options: BuildOptions,
     /// Made on demand, and shared by copies.
     pub(crate) winding: OnceLock<Arc<WindingNumbers>>,
+    /// The mapped file of a tree that was not verified, which may have a kd-tree that was not read yet.
+    pub(crate) saved: Option<Arc<SavedFile>>,
 }
 
 impl KdTree {
@@ -98,6 +98,7 @@ impl KdTree {
             layout,
             options: options.clone(),
             winding: OnceLock::new(),
+            saved: None,
         })
     }
 
@@ -156,7 +157,7 @@ impl KdTree {
     }
 
     fn kd_tree_on_demand(&self, progress: Option<&BuildProgress<'_>>) -> Result<&Tree, BuildError> {
-        if let Some(tree) = self.tree.get() {
+        if let Some(tree) = self.known_kd_tree() {
             return Ok(tree);
         }
         let tree = layout::build_kd_tree(&self.mesh, &self.options, progress)?;
@@ -175,80 +176,6 @@ impl KdTree {
     pub fn with_level(self, level: Level) -> Self {
         let layout = self.layout.with_level(level);
         Self { layout, ..self }
-    }
-
-    /// Writes the mesh and the kd-tree to a file that [`load`](Self::load) reads: the same bytes on every platform. Builds the
-    /// kd-tree if there is none ([`kd_tree`](Self::kd_tree)). The layout is not written.
-    ///
-    /// The data goes to a file beside it first (`….partial`), which then replaces an existing file as a whole.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`] names the file and the error of the system, or of the build of the kd-tree.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        let path = path.as_ref();
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
-        let written = File::create(&partial).and_then(|file| {
-            let tree = self.kd_tree().map_err(io::Error::other)?;
-            let mut file = BufWriter::new(file);
-            kd_core::write_tree(&self.mesh, tree, &mut file)?;
-            file.into_inner()?.sync_all()?;
-            std::fs::rename(&partial, path)
-        });
-        written.map_err(|source| {
-            // A leftover that cannot be removed matters less than the first error.
-            std::fs::remove_file(&partial).ok();
-            FileError::Io {
-                file: path.display().to_string(),
-                source,
-            }
-        })
-    }
-
-    /// Reads a file that [`save`](Self::save) wrote, and lays out its tree as [`BuildOptions::balanced`] does, on all cores. Much
-    /// faster than a build.
-    ///
-    /// The file is verified: sizes, checksum, mesh and nodes. Tracing the result is safe for any content.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`] names the file and the problem.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::load_with(path, &BuildOptions::balanced())
-    }
-
-    /// [`load`](Self::load) with the [layout](crate::layout) that a build with `options` makes. A file does not record the
-    /// options of its build.
-    ///
-    /// # Errors
-    ///
-    /// As [`load`](Self::load); [`FileError::Io`] if the layout cannot be built by these options.
-    pub fn load_with(path: impl AsRef<Path>, options: &BuildOptions) -> Result<Self, FileError> {
-        let file = path.as_ref().display().to_string();
-        let bytes = match std::fs::read(path) {
-            Ok(bytes) => bytes,
-            Err(source) => return Err(FileError::Io { file, source }),
-        };
-        let (mesh, tree) = kd_core::read_tree(&bytes, &file)?;
-        let policy = LayoutPolicy::new(options);
-        let layout = if policy.follows_kd_tree() {
-            policy.lay_out(&tree, &mesh)
-        } else {
-            let built = layout::build(&mesh, options, None);
-            let built = built.map_err(|error| FileError::Io {
-                file,
-                source: io::Error::other(error),
-            })?;
-            built.0
-        };
-        Ok(Self {
-            mesh: Arc::new(mesh),
-            tree: tree.into(),
-            layout,
-            options: options.clone(),
-            winding: OnceLock::new(),
-        })
     }
 
     /// The closest hit with `t_min <= t <= t_max`; both sides of a triangle count.
@@ -335,13 +262,15 @@ impl KdTree {
     /// Counts, histograms, costs and sizes of what rays traverse; linear in the number of nodes. Of the kd-tree, or of wide nodes
     /// that were made without one: [`TreeStats::of`] says which. `kd_tree()?.stats()` are those of the kd-tree in any case.
     pub fn stats(&self) -> TreeStats {
-        match (self.layout.borrowed(), self.tree.get()) {
-            (layout, Some(tree)) if LayoutPolicy::new(&self.options).follows_kd_tree() => tree
+        let follows = LayoutPolicy::new(&self.options).follows_kd_tree();
+        let tree = follows.then(|| self.known_kd_tree()).flatten();
+        match (self.layout.borrowed(), tree) {
+            (layout, Some(tree)) => tree
                 .stats()
                 .with_zero_area(self.mesh.zero_area_count())
                 .with_layout_bytes(layout.bytes()),
-            (TreeLayoutRef::Wide(wide), _) => wide.stats(&self.mesh),
-            (TreeLayoutRef::Binary(_), _) => unreachable!("a binary layout follows a kd-tree"),
+            (TreeLayoutRef::Wide(wide), None) => wide.stats(&self.mesh),
+            (TreeLayoutRef::Binary(_), None) => unreachable!("a binary layout follows a kd-tree"),
         }
     }
 

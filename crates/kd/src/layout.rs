@@ -3,9 +3,8 @@
 //! | made by | layout | wide nodes come from |
 //! |---|---|---|
 //! | [`KdTree::build`], [`LazyTree::finish`] | [`BuildOptions::layout`] | the options, see below |
-//! | [`KdTree::with_layout`] | the argument | the options that the tree was built or loaded with |
-//! | [`KdTree::load_with`] | [`BuildOptions::layout`] | the options |
-//! | [`KdTree::load`] | as `load_with` and [`BuildOptions::balanced`]: wide | planes from bins |
+//! | [`KdTree::with_layout`] | the argument | the options that the tree was built with |
+//! | [`KdTree::load`], [`KdTree::open`] | that of the saved tree | the saved tree |
 //! | [`LazyTree`] | always binary: its cells are small kd-trees, each laid out when a ray enters it | |
 //! | [`Strategy::Rebuild`] of a [`Scene`] | the layout in the strategy's own options | those options |
 //! | [`Strategy::Auto`] | the layout in the scene's options; [`Layout::Binary`] merges kd-trees as by [`MergeMethod::PartitionTrees`] | static parts: the scene's options; others: objects |

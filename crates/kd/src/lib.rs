@@ -143,7 +143,8 @@
 //!
 //! # Files of trees
 //!
-//! [`KdTree::save`] writes mesh and tree to a file. [`KdTree::load`] reads and verifies it, without a build.
+//! [`KdTree::save`] writes a mesh and what rays traverse to a file. [`KdTree::load`] reads and verifies it, without a build.
+//! [`KdTree::open`] maps it into memory, to trace it as it lies; it is `unsafe`, since the file must not change meanwhile.
 //!
 //! # Features
 //!
@@ -155,7 +156,8 @@
 //! | `serde` | off | `Serialize` and `Deserialize` for public data: meshes, rays, hits, options, statistics, reports |
 //!
 //! None changes an answer.
-#![forbid(unsafe_code)]
+
+#![deny(unsafe_code)]
 
 mod accel;
 #[cfg(feature = "counters")]
@@ -166,6 +168,7 @@ pub mod layout;
 mod lazy_tree;
 pub mod points;
 mod queries;
+mod saved;
 pub mod scene;
 pub mod world;
 
@@ -205,9 +208,10 @@ pub mod load {
 /// The kd-tree and its file: nodes, references, limits.
 pub mod tree {
     pub use kd_core::{
-        Axis, FileError, MAX_DEPTH, MAX_TRIANGLES, Node, NodeIndex, NodeView, Slot, StatsOf, Tree,
-        TreeError,
+        Axis, LayoutError, MAX_DEPTH, MAX_TRIANGLES, Node, NodeIndex, NodeView, Slot, StatsOf,
+        Tree, TreeError,
     };
+    pub use kd_file::{FileError, Section};
 }
 
 /// Uniform grids: the fastest to build, slow for each ray where triangles are spread unevenly.

@@ -255,25 +255,6 @@ fn a_changed_layout_is_the_one_of_a_build() {
     }
 }
 
-#[test]
-fn a_loaded_tree_obeys_options() {
-    let name = format!("kd-layout-test-{}.kdtree", std::process::id());
-    let path = std::env::temp_dir().join(name);
-    for options in all_options() {
-        let tree = built(&options);
-        tree.save(&path).expect("a folder for temporary files");
-        let loaded = KdTree::load_with(&path, &options).expect("just written");
-        assert_eq!(loaded.layout(), options.layout(), "{options:?}");
-        assert_eq!(bytes(&loaded), bytes(&tree), "{options:?}");
-        assert_eq!(loaded.stats(), tree.stats(), "{options:?}");
-    }
-    let default = KdTree::load(&path).expect("just written");
-    let balanced = KdTree::load_with(&path, &BuildOptions::balanced()).expect("just written");
-    assert_eq!(bytes(&default), bytes(&balanced), "as `balanced`");
-    assert_eq!(default.layout(), Layout::Wide, "the default");
-    std::fs::remove_file(&path).expect("just written");
-}
-
 fn committed(options: BuildOptions, strategy: Strategy) -> Result<Scene, CommitError> {
     let mut scene = Scene::new(options);
     scene.set_strategy(strategy);

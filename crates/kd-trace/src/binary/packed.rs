@@ -9,10 +9,12 @@
 //! The triangles of a leaf fill its blocks in order; the last block may have empty lanes.
 
 mod arena;
+mod saved;
 
 use std::ops::ControlFlow;
 
 use bytemuck::{cast_slice, cast_slice_mut};
+use kd_buffer::Buffer;
 use kd_core::{Aabb, Hit, LayoutBytes, Mesh, Node, NodeIndex, Pair, Ray, RayPacket8, Tree};
 use kd_simd::{LANES, Level};
 use kd_wide::Block;
@@ -36,8 +38,8 @@ pub use arena::PackedArena;
 /// for a [`CostModel`](kd_core::CostModel) of 8 lanes, such as [`PACKED`](kd_core::CostModel::PACKED), fills them best.
 #[derive(Clone, Debug)]
 pub struct PackedTree {
-    pairs: Vec<Pair>,
-    blocks: Vec<Block>,
+    pairs: Buffer<Pair>,
+    blocks: Buffer<Block>,
     root: NodeIndex,
     bounds: Aabb,
     level: Level,
@@ -88,15 +90,15 @@ impl PackedTree {
             }
         }
         // Zeroed pages of the system, untouched: threads share the work of touching them.
-        let mut blocks = bytemuck::zeroed_vec(count as usize);
+        let mut blocks: Vec<Block> = bytemuck::zeroed_vec(count as usize);
         fill(Range {
             sources: tree.nodes(),
             nodes: cast_slice(&pairs),
             blocks: &mut blocks,
         });
         Self {
-            pairs,
-            blocks,
+            pairs: pairs.into(),
+            blocks: blocks.into(),
             root: tree.root(),
             bounds: tree.bounds(),
             level: Level::detect(),
@@ -117,8 +119,8 @@ impl PackedTree {
     /// Bytes of nodes and of blocks.
     pub fn bytes(&self) -> LayoutBytes {
         LayoutBytes {
-            nodes: size_of_val(self.pairs.as_slice()),
-            blocks: size_of_val(self.blocks.as_slice()),
+            nodes: size_of_val(&*self.pairs),
+            blocks: size_of_val(&*self.blocks),
         }
     }
 

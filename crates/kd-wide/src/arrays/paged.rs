@@ -3,7 +3,7 @@
 use std::ops::{Deref, Range};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::large_pages;
+use kd_buffer::{Buffer, BufferMut, advise_large_pages};
 
 /// Elements of a page: 16 KiB of nodes.
 const PAGE: usize = 64;
@@ -24,32 +24,26 @@ impl State {
 
 /// An array whose changes are recorded by page.
 #[derive(Clone, Debug)]
-pub(crate) struct Paged<T> {
-    all: Vec<T>,
+pub(crate) struct Paged<T: Copy> {
+    all: Buffer<T>,
     /// The state in which each page was last written. Pages beyond were written before every state.
     written: Vec<State>,
 }
 
-impl<T> Paged<T> {
+impl<T: Copy> Paged<T> {
     pub(crate) const fn new() -> Self {
-        Self::of(Vec::new())
-    }
-
-    /// Written before every state.
-    pub(crate) const fn of(all: Vec<T>) -> Self {
         Self {
-            all,
+            all: Buffer::new(),
             written: Vec::new(),
         }
     }
 
-    pub(crate) fn truncate(&mut self, len: usize) {
-        self.all.truncate(len);
-    }
-
-    /// Reserves memory for this many more elements.
-    pub(crate) fn reserve(&mut self, more: usize) {
-        reserve(&mut self.all, more);
+    /// Written before every state.
+    pub(crate) fn of(all: impl Into<Buffer<T>>) -> Self {
+        Self {
+            all: all.into(),
+            written: Vec::new(),
+        }
     }
 
     fn note(&mut self, range: &Range<usize>, at: State) {
@@ -65,6 +59,15 @@ impl<T> Paged<T> {
 }
 
 impl<T: Copy> Paged<T> {
+    pub(crate) fn truncate(&mut self, len: usize) {
+        self.all.to_mut().truncate(len);
+    }
+
+    /// Reserves memory for this many more elements.
+    pub(crate) fn reserve(&mut self, more: usize) {
+        with_room_for(&mut self.all, more);
+    }
+
     /// Some elements, to write.
     ///
     /// # Panics
@@ -89,7 +92,7 @@ impl<T: Copy> Paged<T> {
         order.sort_by_key(|place| (ranges[*place].start, ranges[*place].end));
         let mut parts: Vec<&mut [T]> = Vec::new();
         parts.resize_with(ranges.len(), || &mut []);
-        let (mut rest, mut next) = (self.all.as_mut_slice(), 0);
+        let (mut rest, mut next) = (&mut self.all[..], 0);
         for place in order {
             let range = &ranges[place];
             assert!(range.start >= next, "each member is refitted once");
@@ -109,8 +112,8 @@ impl<T: Copy> Paged<T> {
         self.note(&(start..start + elements.len()), at);
         let replaced = elements.len().min(self.all.len() - start);
         self.all[start..start + replaced].copy_from_slice(&elements[..replaced]);
-        reserve(&mut self.all, elements.len() - replaced);
-        self.all.extend_from_slice(&elements[replaced..]);
+        let added = &elements[replaced..];
+        with_room_for(&mut self.all, added.len()).extend_from_slice(added);
     }
 
     /// [`put`](Self::put) with elements of this array, which are not among those that it replaces.
@@ -119,8 +122,7 @@ impl<T: Copy> Paged<T> {
         let replaced = elements.start..elements.end.min(elements.start + self.all.len() - start);
         let added = replaced.end..elements.end;
         self.all.copy_within(replaced, start);
-        reserve(&mut self.all, added.len());
-        self.all.extend_from_within(added);
+        with_room_for(&mut self.all, added.len()).extend_from_within(added);
     }
 
     /// Moves elements down to `start`, over others.
@@ -134,9 +136,7 @@ impl<T: Copy> Paged<T> {
     /// Makes this array, which was equal to `with` in the state `since`, equal to `with` again.
     pub(crate) fn catch_up(&mut self, with: &Self, since: State) {
         let len = with.all.len();
-        self.all.truncate(len);
-        let missing = len - self.all.len();
-        reserve(&mut self.all, missing);
+        self.truncate(len);
         let kept = self.all.len();
         for (page, written) in with.written.iter().enumerate() {
             let range = page * PAGE..kept.min((page + 1) * PAGE);
@@ -144,12 +144,12 @@ impl<T: Copy> Paged<T> {
                 self.all[range.clone()].copy_from_slice(&with.all[range]);
             }
         }
-        self.all.extend_from_slice(&with.all[kept..]);
+        with_room_for(&mut self.all, len - kept).extend_from_slice(&with.all[kept..]);
         self.written.clone_from(&with.written);
     }
 }
 
-impl<T> Deref for Paged<T> {
+impl<T: Copy> Deref for Paged<T> {
     type Target = [T];
 
     #[inline(always)]
@@ -158,13 +158,15 @@ impl<T> Deref for Paged<T> {
     }
 }
 
-/// Reserves an eighth more than needed. (Doubling would waste as much memory as a large static scene takes.)
-fn reserve<T>(all: &mut Vec<T>, more: usize) {
+/// The elements, with memory for more: an eighth more than needed. (Doubling would waste as much memory as a large static scene takes.)
+fn with_room_for<T: Copy>(all: &mut Buffer<T>, more: usize) -> BufferMut<'_, T> {
+    let mut all = all.to_mut();
     let len = all.len() + more;
     if len > all.capacity() {
         all.reserve_exact(more + len / 8);
-        large_pages::advise(all);
+        advise_large_pages(&all);
     }
+    all
 }
 
 #[cfg(test)]
@@ -206,18 +208,18 @@ mod tests {
 
     #[test]
     fn elements_are_put_again_in_place_and_behind() {
-        let mut array = Paged::of((0..10).collect());
+        let mut array = Paged::of(Vec::from_iter(0..10));
         array.put_again(8, 1..4, State::next());
-        assert_eq!(array.all, [0, 1, 2, 3, 4, 5, 6, 7, 1, 2, 3]);
+        assert_eq!(array[..], [0, 1, 2, 3, 4, 5, 6, 7, 1, 2, 3]);
         array.put_again(0, 9..11, State::next());
-        assert_eq!(array.all, [2, 3, 2, 3, 4, 5, 6, 7, 1, 2, 3]);
+        assert_eq!(array[..], [2, 3, 2, 3, 4, 5, 6, 7, 1, 2, 3]);
         array.put_again(11, 0..2, State::next());
-        assert_eq!(array.all[11..], [2, 3]);
+        assert_eq!(array[11..], [2, 3]);
     }
 
     #[test]
     fn ranges_in_any_order_are_disjoint() {
-        let mut array = Paged::of((0..10).collect());
+        let mut array = Paged::of(Vec::from_iter(0..10));
         let parts = array.write_each(&[7..9, 2..2, 2..5], State::next());
         assert_eq!(parts, [&mut [7, 8][..], &mut [], &mut [2, 3, 4]]);
     }

@@ -1,5 +1,6 @@
 //! The binary layout of an arena, extended as the arena grows.
 
+use kd_buffer::Buffer;
 use kd_core::{Aabb, Arena, Node, NodeIndex, Pair, Slot};
 use kd_simd::{LANES, Level};
 use kd_wide::Block;
@@ -51,8 +52,8 @@ impl PackedArena {
     pub fn new() -> Self {
         Self {
             tree: PackedTree {
-                pairs: Vec::new(),
-                blocks: Vec::new(),
+                pairs: Buffer::new(),
+                blocks: Buffer::new(),
                 root: NodeIndex(0),
                 bounds: Aabb::EMPTY,
                 level: Level::detect(),
@@ -82,7 +83,7 @@ impl PackedArena {
             .map(|node| self.packed(*node, refs, &corners))
             .collect();
         let more = more.chunks_exact(2).map(|pair| Pair([pair[0], pair[1]]));
-        self.tree.pairs.extend(more);
+        self.tree.pairs.to_mut().extend(more);
         self.segments.resize(
             arena.segments(),
             End {
@@ -107,8 +108,8 @@ impl PackedArena {
         self.forget_root();
         self.segments.truncate(segments);
         let end = self.segments.last().copied().unwrap_or_default();
-        self.tree.pairs.truncate(end.pairs);
-        self.tree.blocks.truncate(end.blocks);
+        self.tree.pairs.to_mut().truncate(end.pairs);
+        self.tree.blocks.to_mut().truncate(end.blocks);
         self.leaves.truncate(end.refs);
     }
 
@@ -163,7 +164,7 @@ impl PackedArena {
             for (lane, slot) in slots.iter().enumerate() {
                 block.set(lane, slot.0, corners(*slot));
             }
-            self.tree.blocks.push(block);
+            self.tree.blocks.to_mut().push(block);
         }
         place
     }

@@ -8,7 +8,7 @@
 /// set to; elsewhere this does nothing.
 ///
 /// Only whole pages within the memory are advised, so they take no more of it.
-pub(crate) fn advise<T>(memory: &Vec<T>) {
+pub fn advise_large_pages<T>(memory: &Vec<T>) {
     #[cfg(all(target_os = "linux", not(miri)))]
     {
         const PAGE: usize = 2 << 20;
@@ -34,7 +34,7 @@ mod tests {
     fn advice_keeps_contents() {
         for bytes in [0, 100, 3 << 20, 9 << 20] {
             let mut memory = vec![7_u8; bytes];
-            advise(&memory);
+            advise_large_pages(&memory);
             memory.push(8);
             assert!(memory[..bytes].iter().all(|x| *x == 7), "{bytes} bytes");
         }
