@@ -1,7 +1,9 @@
 //! The command `kd cast`: rays in, hits out.
 
+mod array;
 mod generated;
 mod read;
+mod shard;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -16,7 +18,9 @@ use kd::{Hit, KdTree, Ray};
 
 use crate::print::{print_line, progress_bar};
 use crate::scene::{Builder, SceneArgs, Size};
+use crate::tree::SceneTree;
 use generated::{CameraRays, LidarRays};
+use shard::Shard;
 use write::{Format, Output};
 
 /// Arguments of `kd cast`.
@@ -44,6 +48,11 @@ pub(crate) struct CastArgs {
     /// Builder of the tree
     #[arg(long, value_enum, default_value_t = Builder::Best)]
     builder: Builder,
+
+    /// Trace only a part of the rays, as `2/8`: the second of eight. The output files of all parts, one after the other, are the same bytes
+    /// as that of one run; only the first has a header
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
 
     /// Size of the image of `camera`, a ray for each pixel [default: the resolution in the scene, or 800x600]
     #[arg(long, value_name = "WxH")]
@@ -155,13 +164,35 @@ trait RaySource {
 
     /// Appends the next rays, at most `most`; none at the end.
     fn read(&mut self, most: usize, to: &mut Vec<Ray>) -> anyhow::Result<()>;
+
+    /// Passes over rays.
+    fn skip(&mut self, rays: u64) -> anyhow::Result<()> {
+        let mut skipped = Vec::new();
+        let mut left = rays;
+        while left > 0 {
+            skipped.clear();
+            self.read(at_most_a_batch(left), &mut skipped)?;
+            if skipped.is_empty() {
+                break;
+            }
+            left -= skipped.len() as u64;
+        }
+        Ok(())
+    }
 }
 
 /// Rays that are traced at once.
 const BATCH: usize = 1 << 16;
 
+fn at_most_a_batch(rays: u64) -> usize {
+    usize::try_from(rays).map_or(BATCH, |rays| rays.min(BATCH))
+}
+
 pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
     let format = Format::of(&arguments.output, arguments.any)?;
+    if arguments.shard.is_some() && format == Format::Las {
+        bail!("--shard: the header of LAS describes all points; use .csv or .npy");
+    }
     // A wrong file of rays fails before the tree is built.
     let of_file = match arguments.rays.as_str() {
         "camera" | "lidar" => None,
@@ -175,9 +206,7 @@ pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
             );
         }
     }
-    let scene = arguments.scene.load_with_warnings()?;
-    let time = arguments.scene.time(&scene)?;
-    let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
+    let SceneTree { scene, time, tree } = SceneTree::new(&arguments.scene, arguments.builder)?;
     let mut source: Box<dyn RaySource> = match of_file {
         Some(source) => source,
         None if arguments.rays == "camera" => Box::new(CameraRays::new(
@@ -188,23 +217,40 @@ pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
         )),
         None => Box::new(LidarRays::new(arguments.lidar(&tree))),
     };
-    let mut output = Output::create(&arguments.output, format, arguments.any, tree.mesh())?;
-    let progress = progress(source.len());
+    let rays_in_all = match source.len() {
+        None if arguments.shard.is_some() => Some(count(&arguments.rays)?),
+        known => known,
+    };
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    let part = rays_in_all.map(|rays| shard.of(rays));
+    let first = part.as_ref().map_or(0, |part| part.start);
+    source.skip(first)?;
+    let mut left = part.as_ref().map(|part| part.end - part.start);
+    let mut output = Output::create(
+        &arguments.output,
+        format,
+        arguments.any,
+        tree.mesh(),
+        (shard, rays_in_all),
+    )?;
+    let progress = progress(left);
     let start = Instant::now();
     let mut seconds = 0.0;
     let (mut count, mut found) = (0_u64, 0_u64);
     let mut rays = Vec::with_capacity(BATCH);
     loop {
         rays.clear();
-        source.read(BATCH, &mut rays)?;
+        let most = left.map_or(BATCH, at_most_a_batch);
+        source.read(most, &mut rays)?;
         if rays.is_empty() {
             break;
         }
+        left = left.map(|left| left - rays.len() as u64);
         let tracing = Instant::now();
         let answers = trace(&tree, &rays, arguments.any);
         seconds += tracing.elapsed().as_secs_f64();
         found += answers.hits() as u64;
-        output.write(count, &rays, &answers, tree.mesh())?;
+        output.write(first + count, &rays, &answers, tree.mesh())?;
         count += rays.len() as u64;
         let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9) * 1e-6;
         progress.set_message(format!("{speed:.2} Mray/s"));
@@ -225,6 +271,21 @@ pub(crate) fn run(arguments: &CastArgs) -> anyhow::Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// The number of rays in a file that does not say it.
+fn count(path: &str) -> anyhow::Result<u64> {
+    let mut source = read::open(Path::new(path))?;
+    let mut rays = Vec::with_capacity(BATCH);
+    let mut count = 0;
+    loop {
+        rays.clear();
+        source.read(BATCH, &mut rays)?;
+        if rays.is_empty() {
+            return Ok(count);
+        }
+        count += rays.len() as u64;
+    }
 }
 
 /// Whether two paths are the same file, which exists.

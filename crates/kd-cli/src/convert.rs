@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use kd::{KdTree, Mesh};
+use kd::Mesh;
 
 use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs};
+use crate::tree;
 
 /// Arguments of `kd convert`.
 #[derive(Args, Debug)]
@@ -34,7 +35,7 @@ pub(crate) fn run(arguments: &ConvertArgs) -> anyhow::Result<()> {
         "obj" => write_obj,
         "kd" => {
             let mesh = mesh(&arguments.scene)?;
-            let tree = KdTree::build(mesh, &arguments.builder.options())?;
+            let tree = tree::build(mesh, arguments.builder)?;
             tree.save(path)?;
             return report(path, tree.mesh());
         }
@@ -52,6 +53,9 @@ pub(crate) fn run(arguments: &ConvertArgs) -> anyhow::Result<()> {
 }
 
 fn mesh(arguments: &SceneArgs) -> anyhow::Result<Mesh> {
+    if let Some(tree) = tree::open(arguments)? {
+        return Ok(tree.mesh().clone());
+    }
     let scene = arguments.load_with_warnings()?;
     Ok(scene.mesh_at(arguments.time(&scene)?)?)
 }

@@ -3,7 +3,7 @@
     clippy::print_stderr,
     reason = "a command-line program reports on stderr"
 )]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod animation;
 mod cast;
@@ -13,6 +13,7 @@ mod print;
 mod render;
 mod scene;
 mod stats;
+mod tree;
 
 use std::process::ExitCode;
 

@@ -14,7 +14,8 @@ use kd_scene::{
 /// Selects a scene and a frame of its animation.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// A file (.obj, .ply, .stl, .off, .gltf, .glb, .3mf, .aff, .nff), `room:N`, or a generated scene and its size, such as `gears:4`
+    /// A file (.obj, .ply, .stl, .off, .gltf, .glb, .3mf, .aff, .nff), `room:N`, or a generated scene and its size, such as `gears:4`.
+    /// `cast`, `stats` and `convert` also open a tree (.kd), which nothing may change meanwhile
     #[arg(value_name = "SCENE")]
     pub(crate) scene: String,
 

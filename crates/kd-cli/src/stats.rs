@@ -1,11 +1,11 @@
 //! The command `kd stats`.
 
 use clap::Args;
-use kd::KdTree;
 use kd_scene::{Part, SceneDescription, TextureSource};
 
 use crate::print::print_line;
 use crate::scene::{Builder, SceneArgs};
+use crate::tree;
 
 /// Arguments of `kd stats`.
 #[derive(Args, Debug)]
@@ -19,10 +19,15 @@ pub(crate) struct StatsArgs {
 }
 
 pub(crate) fn run(arguments: &StatsArgs) -> anyhow::Result<()> {
+    if let Some(tree) = tree::open(&arguments.scene)? {
+        let file = &arguments.scene.scene;
+        print_line(format_args!("tree in {file}:\n{}", tree.stats()))?;
+        return Ok(());
+    }
     let scene = arguments.scene.load_with_warnings()?;
     let time = arguments.scene.time(&scene)?;
     print_line(format_args!("{}", description(&scene, time).trim_end()))?;
-    let tree = KdTree::build(scene.mesh_at(time)?, &arguments.builder.options())?;
+    let tree = tree::build(scene.mesh_at(time)?, arguments.builder)?;
     print_line(format_args!(
         "tree of all parts at {time} s, builder `{}`:\n{}",
         arguments.builder.name(),

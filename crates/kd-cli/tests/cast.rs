@@ -304,3 +304,80 @@ fn errors_name_file_and_place() {
         "{error}"
     );
 }
+
+#[test]
+fn a_tree_file_answers_as_its_scene() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    program::stdout_of(at, &["convert", "balls:1", "-o", "balls.kd"]);
+    let rays = ["lidar", "--channels", "8", "--steps", "50"];
+    cast(
+        at,
+        &[&["balls:1"], &rays[..], &["-o", "scene.csv"]].concat(),
+    );
+    cast(
+        at,
+        &[&["balls.kd"], &rays[..], &["-o", "tree.csv"]].concat(),
+    );
+    let read = |name| std::fs::read_to_string(at.join(name)).expect("a file");
+    assert_eq!(read("scene.csv"), read("tree.csv"));
+    let stats = program::stdout_of(at, &["stats", "balls.kd"]);
+    let of_scene = program::stdout_of(at, &["stats", "balls:1"]);
+    let statistics = stats.split_once('\n').expect("a title").1;
+    assert!(of_scene.ends_with(statistics), "{stats}");
+    program::stdout_of(at, &["convert", "balls.kd", "-o", "again.ply"]);
+    program::stdout_of(at, &["convert", "balls:1", "-o", "balls.ply"]);
+    assert_eq!(
+        std::fs::read(at.join("again.ply")).expect("a file"),
+        std::fs::read(at.join("balls.ply")).expect("a file")
+    );
+
+    let mut bytes = std::fs::read(at.join("balls.kd")).expect("a file");
+    let last = bytes.len() / 2;
+    bytes[last] ^= 1;
+    std::fs::write(at.join("bad.kd"), bytes).expect("written");
+    let error = error_of(at, &["bad.kd", "lidar"]);
+    assert!(
+        error.contains("bad.kd: ") && error.contains("damaged"),
+        "{error}"
+    );
+}
+
+#[test]
+fn parts_of_a_run_are_the_bytes_of_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    let mut rng = fastrand::Rng::with_seed(8);
+    let mut line = |_| {
+        (0..6)
+            .map(|_| (rng.f32() * 4.0 - 2.0).to_string() + ",")
+            .collect::<String>()
+    };
+    let lines: Vec<String> = (0..101).map(&mut line).collect();
+    std::fs::write(at.join("rays.csv"), lines.join("\n")).expect("written");
+    program::stdout_of(at, &["convert", "balls:1", "-o", "balls.kd"]);
+    let lidar = ["lidar", "--channels", "7", "--steps", "31"];
+    let camera = ["camera", "--size", "13x11"];
+    for rays in [&["rays.csv"][..], &lidar, &camera] {
+        for any in [&[][..], &["--any"]] {
+            for kind in ["csv", "npy"] {
+                let run = |output: &str, more: &[&str]| {
+                    let output = ["-o", output];
+                    cast(at, &[&["balls.kd"], rays, any, &output, more].concat());
+                    std::fs::read(at.join(output[1])).expect("a file")
+                };
+                let whole = run(&format!("whole.{kind}"), &[]);
+                let parts = (1..=5).map(|part| {
+                    let shard = format!("{part}/5");
+                    run(&format!("part.{kind}"), &["--shard", &shard])
+                });
+                let parts: Vec<u8> = parts.flatten().collect();
+                assert!(whole == parts, "{rays:?} {any:?} {kind}");
+            }
+        }
+    }
+    let error = error_of(at, &["balls.kd", "lidar", "-o", "a.las", "--shard", "1/2"]);
+    assert!(error.contains("--shard: the header of LAS"), "{error}");
+    let error = error_of(at, &["balls.kd", "lidar", "--shard", "3/2"]);
+    assert!(error.contains("counted from 1"), "{error}");
+}

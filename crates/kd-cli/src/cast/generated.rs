@@ -37,6 +37,11 @@ impl CameraRays {
 }
 
 impl RaySource for CameraRays {
+    fn skip(&mut self, rays: u64) -> anyhow::Result<()> {
+        self.next += rays;
+        Ok(())
+    }
+
     fn len(&self) -> Option<u64> {
         Some(u64::from(self.size.width) * u64::from(self.size.height))
     }
@@ -68,6 +73,11 @@ impl LidarRays {
 }
 
 impl RaySource for LidarRays {
+    fn skip(&mut self, rays: u64) -> anyhow::Result<()> {
+        self.next += rays;
+        Ok(())
+    }
+
     fn len(&self) -> Option<u64> {
         Some(self.lidar.len())
     }

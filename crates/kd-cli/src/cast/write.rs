@@ -8,9 +8,11 @@ use anyhow::{Context, bail};
 use kd::glam::Vec3;
 use kd::{Hit, Mesh, Ray};
 use las::{Builder, Point, Transform, Vector};
-use npyz::{AutoSerialize, NpyWriter, Serialize, WriterBuilder};
+use npyz::{AutoSerialize, Serialize};
 
 use super::Answers;
+use super::array::{ArrayWriter, Header};
+use super::shard::Shard;
 
 /// A file of hits.
 pub(super) struct Output {
@@ -22,9 +24,9 @@ enum Kind {
     /// Lines of numbers; a ray that hits nothing has empty fields.
     Csv(Box<csv::Writer<BufWriter<File>>>),
     /// An array of hits, in the order of rays.
-    Npy(NpyWriter<NpyHit, BufWriter<File>>),
+    Npy(ArrayWriter<NpyHit>),
     /// An array of whether something is hit.
-    NpyAny(NpyWriter<bool, BufWriter<File>>),
+    NpyAny(ArrayWriter<bool>),
     /// The points that are hit.
     Las(las::Writer<BufWriter<File>>),
 }
@@ -100,29 +102,32 @@ impl Place {
 }
 
 impl Output {
-    /// Creates a file for answers to rays through `mesh`.
+    /// Creates a file for answers to rays through `mesh`: those of a part, of this many rays in all if that is known. The files of all
+    /// parts, one after the other, are the file of all rays.
     pub(super) fn create(
         path: &Path,
         format: Format,
         any: bool,
         mesh: &Mesh,
+        (shard, rays): (Shard, Option<u64>),
     ) -> anyhow::Result<Self> {
+        let header = match rays {
+            _ if !shard.is_first() => Header::Before,
+            Some(rays) => Header::Of(rays),
+            None => Header::OfRows,
+        };
         let create = || -> anyhow::Result<Kind> {
             let file = BufWriter::new(File::create(path)?);
             Ok(match format {
                 Format::Csv => {
                     let mut writer = csv::Writer::from_writer(file);
-                    writer.write_record(if any { &["ray", "occluded"][..] } else { &HEAD })?;
+                    if shard.is_first() {
+                        writer.write_record(if any { &["ray", "occluded"][..] } else { &HEAD })?;
+                    }
                     Kind::Csv(Box::new(writer))
                 }
-                Format::Npy if any => {
-                    let options = npyz::WriteOptions::new().default_dtype();
-                    Kind::NpyAny(options.writer(file).begin_1d()?)
-                }
-                Format::Npy => {
-                    let options = npyz::WriteOptions::new().default_dtype();
-                    Kind::Npy(options.writer(file).begin_1d()?)
-                }
+                Format::Npy if any => Kind::NpyAny(ArrayWriter::new(file, header)?),
+                Format::Npy => Kind::Npy(ArrayWriter::new(file, header)?),
                 Format::Las => Kind::Las(las::Writer::new(file, las_header(mesh)?)?),
             })
         };
@@ -209,8 +214,8 @@ impl Output {
                 .into_inner()
                 .map_err(|error| anyhow::anyhow!("{}", error.error()))
                 .and_then(|mut file| Ok(file.flush()?)),
-            Kind::Npy(writer) => writer.finish().map_err(Into::into),
-            Kind::NpyAny(writer) => writer.finish().map_err(Into::into),
+            Kind::Npy(writer) => writer.finish(),
+            Kind::NpyAny(writer) => writer.finish(),
             Kind::Las(mut writer) => writer.close().map_err(Into::into),
         };
         written.with_context(|| format!("{}", self.path.display()))
