@@ -15,6 +15,7 @@ use crate::points::PointsArgs;
 use crate::queries::QueriesArgs;
 use crate::ray_speeds::RaysArgs;
 use crate::results::ResultsArgs;
+use crate::saved::SavedArgs;
 use crate::scene_table::SceneTableArgs;
 use crate::spheres::SpheresArgs;
 use crate::sweep::BenchArgs;
@@ -41,6 +42,8 @@ pub(crate) enum Command {
     ///
     /// With --scenes and no --scene: every mesh of the folder.
     FirstRay(FirstRayArgs),
+    /// Print how long trees take to save, to load and to open, until the first ray, and the memory that it takes, with goals
+    Saved(SavedArgs),
     /// Print the speed of rays through our default tree, over rivals, with goals
     ///
     /// With --scenes and no --scene: every mesh of the folder.

@@ -41,6 +41,7 @@ mod report;
 mod results;
 mod run_folder;
 mod sampling;
+mod saved;
 mod scene_table;
 mod scene_views;
 mod scenes;
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => sweep::run(&arguments),
         Command::Builds(arguments) => builds::run(&arguments),
         Command::Files(arguments) => files::run(&arguments),
+        Command::Saved(arguments) => saved::run(&arguments),
         Command::FirstRay(arguments) => first_ray::run(&arguments),
         Command::Rays(arguments) => ray_speeds::run(&arguments),
         Command::Queries(arguments) => queries::run(&arguments),

@@ -50,6 +50,12 @@ const COMMANDS: &[Command] = &[
         run: |arguments| bench::with_rivals("first-ray", arguments),
     },
     Command {
+        name: "saved",
+        arguments: "[OPTIONS]",
+        help: "measure how long trees take to save, to load and to open, and their memory (`saved --help`)",
+        run: |arguments| bench::run("saved", arguments),
+    },
+    Command {
         name: "rays",
         arguments: "[OPTIONS]",
         help: "measure rays through the default tree, over rivals (`rays --help` lists the options)",

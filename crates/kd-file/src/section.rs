@@ -51,7 +51,7 @@ impl Section {
 impl fmt::Display for Section {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.kind {
-            1 => "the properties of the tree",
+            1 => "tree properties",
             2 => "positions",
             3 => "triangles",
             4 => "wide nodes",
@@ -60,7 +60,7 @@ impl fmt::Display for Section {
             7 => "blocks of binary nodes",
             8 => "nodes of the kd-tree",
             9 => "references of the kd-tree",
-            10 => "the properties of the scene",
+            10 => "scene properties",
             11 => "parts",
             _ => "elements of another kind",
         };

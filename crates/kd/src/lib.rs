@@ -144,7 +144,8 @@
 //! # Files of trees
 //!
 //! [`KdTree::save`] writes a mesh and what rays traverse to a file. [`KdTree::load`] reads and verifies it, without a build.
-//! [`KdTree::open`] maps it into memory, to trace it as it lies; it is `unsafe`, since the file must not change meanwhile.
+//! [`KdTree::open`] maps it into memory, to trace it as it lies; it is `unsafe`, since the file must not change meanwhile. [`Scene::save`] and
+//! [`Scene::load`] do the same for the parts of a scene, whose first commit builds their trees again.
 //!
 //! # Features
 //!

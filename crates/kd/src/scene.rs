@@ -13,6 +13,7 @@ mod parts;
 mod placement;
 mod plan;
 mod report;
+mod saved;
 mod shared;
 mod sharing;
 mod sight;
@@ -197,10 +198,15 @@ impl Scene {
             return Err(SceneError::NotFinite { part: of });
         }
         let instance = self.add(Role::Instance(original), mesh, placement)?;
+        self.note_instance_of(original);
+        Ok(instance)
+    }
+
+    /// Notes that an instance was made of a part, which may be removed.
+    fn note_instance_of(&mut self, original: PartId) {
         if let Ok(original) = self.place(original) {
             self.parts.at_mut(original).has_instances = true;
         }
-        Ok(instance)
     }
 
     /// Replaces the positions of a part and of its instances, one for each vertex of its mesh and before its transform, from the

@@ -5,9 +5,11 @@
 )]
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use kd::glam::{Affine3A, DAffine3, DVec3, Vec3};
 use kd::tree::FileError;
-use kd::{BuildOptions, Hit, KdTree, Layout, Mesh, Method, Ray};
+use kd::{BuildOptions, Hit, KdTree, Layout, MergeMethod, Mesh, Method, Ray, Scene, Strategy};
 use kd_file::{Contents, SavedFile, Section, SectionKind};
 use kd_scene::Spd;
 use tempfile::TempDir;
@@ -324,7 +326,7 @@ fn forged_files_with_valid_checksums_are_refused() {
     );
     assert_eq!(
         wide(Tree, 0, 99),
-        "the properties of the tree: option `method` must be one that this version has"
+        "tree properties: option `method` must be one that this version has"
     );
     assert_eq!(wide(Tree, 30, 77), "the root is not in the layout");
     assert_eq!(
@@ -349,7 +351,7 @@ fn forged_files_with_valid_checksums_are_refused() {
         "block 0, lane 1: not a triangle of the mesh"
     );
     for (layout, kind, name) in [
-        (Layout::Wide, Tree, "the properties of the tree"),
+        (Layout::Wide, Tree, "tree properties"),
         (Layout::Wide, Triangles, "triangles"),
         (Layout::Wide, WideNodes, "wide nodes"),
         (Layout::Binary, BinaryBlocks, "blocks of binary nodes"),
@@ -391,4 +393,158 @@ fn trees_are_saved_under_one_name_at_once() {
     });
     let left = std::fs::read_dir(folder.path()).expect("a folder").count();
     assert_eq!(left, 1, "nothing but the file");
+}
+
+/// A scene with every kind of part, one of which was removed.
+fn scene_of_all_kinds(strategy: Strategy) -> Scene {
+    let (mesh, _) = gears();
+    let mesh = Arc::new(mesh);
+    let mut scene = Scene::with_origin(BuildOptions::fast(), [1e6, 2e6, 0.0]).expect("finite");
+    scene.set_strategy(strategy);
+    scene.set_ray_budget(12_345_678_901);
+    let gone = scene
+        .add_static(small(Layout::Wide).mesh().clone())
+        .expect("fits");
+    let first = scene.add_static(Arc::clone(&mesh)).expect("fits");
+    let moving = scene.add_dynamic(Arc::clone(&mesh)).expect("fits");
+    let by = Affine3A::from_scale(Vec3::new(-1.0, 2.0, 0.5)) * Affine3A::from_translation(Vec3::X);
+    scene.set_transform(moving, by).expect("finite");
+    let instance = scene
+        .add_instance(first, Affine3A::from_rotation_x(0.5))
+        .expect("fits");
+    scene.set_mask(instance, 6).expect("there");
+    let far = DAffine3::from_translation(DVec3::new(1e6 + 0.3, 2e6, 1.0));
+    scene.add_world_instance(moving, far).expect("fits");
+    scene.remove(gone).expect("there");
+    scene
+}
+
+#[test]
+fn a_scene_is_the_same_from_its_file() {
+    let (_folder, path) = place();
+    let (_, rays) = gears();
+    for strategy in [
+        Strategy::Auto,
+        Strategy::Refit,
+        Strategy::Instances,
+        Strategy::Dual,
+        Strategy::Rebuild(BuildOptions::best()),
+        Strategy::Merge(MergeMethod::PartitionTrees),
+        Strategy::Merge(MergeMethod::Guided),
+    ] {
+        let mut scene = scene_of_all_kinds(strategy.clone());
+        scene.save(&path).expect("written");
+        let mut same = Scene::load(&path).expect("just written");
+        let again = path.with_extension("again");
+        same.save(&again).expect("written");
+        let bytes = [&path, &again].map(|path| std::fs::read(path).expect("just written"));
+        assert!(bytes[0] == bytes[1], "{strategy:?}");
+        // A mesh and a section are there once, not once for each of three parts.
+        assert!(bytes[0].len() < 2 * 574 * 24, "{} bytes", bytes[0].len());
+        let report = scene.commit().expect("a frame");
+        let of_same = same.commit().expect("a frame");
+        assert_eq!(format!("{report:?}"), format!("{of_same:?}"));
+        assert!(scene.parts().eq(same.parts()), "the same numbers");
+        let mut hits = 0;
+        for ray in &rays {
+            for mask in [1, u32::MAX] {
+                let ray = ray.with_mask(mask);
+                let hit = scene.frame().intersect(&ray);
+                assert_eq!(same.frame().intersect(&ray), hit, "{ray:?}");
+                hits += usize::from(hit.is_some());
+            }
+        }
+        assert!(hits > 200, "{hits}");
+        let [next, next_of_same] = [&mut scene, &mut same].map(|scene| {
+            let mesh = small(Layout::Wide).mesh().clone();
+            scene.add_static(mesh).expect("fits")
+        });
+        assert_eq!(next, next_of_same, "no number is given again");
+    }
+}
+
+#[test]
+fn a_damaged_scene_is_refused() {
+    let (_folder, path) = place();
+    let mut scene = Scene::new(BuildOptions::fast());
+    let part = scene
+        .add_static(small(Layout::Wide).mesh().clone())
+        .expect("fits");
+    scene
+        .add_instance(part, Affine3A::from_translation(Vec3::X))
+        .expect("fits");
+    scene.save(&path).expect("written");
+    let bytes = std::fs::read(&path).expect("just written");
+    for at in 0..bytes.len() {
+        let mut changed = bytes.clone();
+        changed[at] ^= 1 << (at % 8);
+        std::fs::write(&path, &changed).expect("written");
+        let error = Scene::load(&path).expect_err("changed").to_string();
+        assert!(error.contains("tree.kd: "), "byte {at}: {error}");
+        std::fs::write(&path, &changed[..at]).expect("written");
+        Scene::load(&path).expect_err("truncated");
+    }
+    std::fs::write(&path, &bytes).expect("written");
+
+    let forged = path.with_extension("forged");
+    let error = |section: Section, at: usize, word: u32| {
+        let file = SavedFile::open(&path).expect("valid");
+        let of = |kind| Section::new(kind, 0);
+        let mut words = file.elements::<u32>(of(SectionKind::Scene)).expect("there");
+        let parts = file.elements::<[u32; 30]>(of(SectionKind::Parts));
+        let mut parts = parts.expect("there").into_vec();
+        if section == of(SectionKind::Scene) {
+            words[at] = word;
+        } else {
+            parts.as_flattened_mut()[at] = word;
+        }
+        let [positions, triangles] = [SectionKind::Positions, SectionKind::Triangles]
+            .map(|kind| file.elements::<[u32; 3]>(of(kind)).expect("there"));
+        let mut contents = Contents::new();
+        contents.add(of(SectionKind::Scene), &words);
+        contents.add(of(SectionKind::Parts), &parts);
+        contents.add(of(SectionKind::Positions), &positions);
+        contents.add(of(SectionKind::Triangles), &triangles);
+        contents.save(&forged).expect("written");
+        let error = Scene::load(&forged).expect_err("forged").to_string();
+        error.split_once("forged: ").expect("the name").1.to_owned()
+    };
+    let parts = Section::new(SectionKind::Parts, 0);
+    let of_scene = Section::new(SectionKind::Scene, 0);
+    for (section, at, word, message) in [
+        (
+            parts,
+            30,
+            0,
+            "parts: part 1: its number, 0, is not in order",
+        ),
+        (parts, 1, 1, "parts: part 0: its mesh is missing"),
+        (parts, 32, 3, "parts: part 1: its role is unknown"),
+        (
+            parts,
+            36,
+            f32::NAN.to_bits(),
+            "parts: part 1: its transform is not finite",
+        ),
+        (of_scene, 48, 6, "scene properties: an unknown strategy"),
+        (
+            of_scene,
+            0,
+            99,
+            "scene properties: option `method` must be one that this version has",
+        ),
+        (
+            of_scene,
+            54,
+            0x7ff0_0000,
+            "scene properties: the origin is not finite",
+        ),
+        (of_scene, 59, 2, "has no positions (1)"),
+    ] {
+        assert_eq!(error(section, at, word), message);
+    }
+    let tree = small(Layout::Wide);
+    tree.save(&path).expect("written");
+    let error = Scene::load(&path).expect_err("a tree").to_string();
+    assert!(error.ends_with("has no scene properties"), "{error}");
 }

@@ -5,17 +5,22 @@ use serde_json::Value;
 /// The allowed edges, and the only machine-readable list of them. `docs/architecture.md` explains them.
 /// Dev-dependencies are free: tests may look at anything.
 const EDGES: &[(&str, &[&str])] = &[
-    ("kd-core", &[]),
+    ("kd-buffer", &[]),
+    ("kd-core", &["kd-buffer"]),
     ("kd-tasks", &[]),
     ("kd-simd", &[]),
     ("kd-sah", &["kd-core", "kd-simd", "kd-tasks"]),
     ("kd-merge", &["kd-core", "kd-sah", "kd-tasks"]),
-    ("kd-wide", &["kd-core", "kd-simd", "kd-tasks"]),
-    ("kd-trace", &["kd-core", "kd-simd", "kd-tasks", "kd-wide"]),
+    ("kd-wide", &["kd-buffer", "kd-core", "kd-simd", "kd-tasks"]),
+    (
+        "kd-trace",
+        &["kd-buffer", "kd-core", "kd-simd", "kd-tasks", "kd-wide"],
+    ),
     (
         "kd-points",
         &["kd-core", "kd-simd", "kd-tasks", "kd-trace", "kd-wide"],
     ),
+    ("kd-file", &["kd-buffer", "kd-core"]),
     ("kd-grid", &["kd-core", "kd-tasks", "kd-trace"]),
     ("kd-oracle", &["kd-core", "kd-trace"]),
     ("kd-comparators", &["kd-core", "kd-tasks", "kd-trace"]),
@@ -28,6 +33,7 @@ const EDGES: &[(&str, &[&str])] = &[
         "kd",
         &[
             "kd-core",
+            "kd-file",
             "kd-grid",
             "kd-merge",
             "kd-points",
@@ -35,6 +41,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "kd-select",
             "kd-tasks",
             "kd-trace",
+            "kd-wide",
             "kd-scene",
         ],
     ),

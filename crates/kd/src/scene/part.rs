@@ -50,6 +50,10 @@ impl PartId {
         Self { number, scene }
     }
 
+    pub(super) fn number(self) -> u32 {
+        self.number
+    }
+
     pub(super) fn scene(self) -> SceneNumber {
         self.scene
     }

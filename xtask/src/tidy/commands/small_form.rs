@@ -262,11 +262,12 @@ const fn options(
     }
 }
 
-const XTASK: [Options; 16] = [
+const XTASK: [Options; 17] = [
     options("bench", [true, true, true], None),
     options("builds", [true, true, true], Some(Tool::Embree)),
     options("files", [true, true, false], None),
     options("first-ray", [true, true, true], Some(Tool::Embree)),
+    options("saved", [true, true, false], None),
     options("rays", [true, true, true], Some(Tool::Embree)),
     options("queries", [true, true, false], None),
     options("merges", [true, true, false], None),
