@@ -149,6 +149,6 @@ mod tests {
         packages.push(json!({"name": "kd-new", "dependencies": []}));
         let complaints = check(&metadata).join("\n");
         assert!(complaints.contains("`kd-new` has no row"), "{complaints}");
-        assert!(complaints.contains("row for `kd-core`"), "{complaints}");
+        assert!(complaints.contains("row for `kd-buffer`"), "{complaints}");
     }
 }
