@@ -8,6 +8,7 @@
 //! | `ray_queries.rs`, `point_queries.rs`, `queries.rs` | queries of any structure |
 //! | `kd_tree.rs` | `kd.KdTree` |
 //! | `crossings.rs` | hits at edges and corners, counted once |
+//! | `trimesh.rs` | what `kd.trimesh` asks |
 //! | `threads.rs` | pools of threads, and builds that `Ctrl-C` ends |
 //! | `errors.rs` | exceptions |
 //!
@@ -28,6 +29,7 @@ mod queries;
 mod ray_queries;
 mod rays;
 mod threads;
+mod trimesh;
 
 use pyo3::prelude::*;
 
@@ -40,4 +42,6 @@ mod _kd {
     use crate::kd_tree::{_kd_tree, PyKdTree};
     #[pymodule_export]
     use crate::point_queries::{ClosestPoints, TriangleArrays};
+    #[pymodule_export]
+    use crate::trimesh::Intersector;
 }
