@@ -9,6 +9,6 @@
 :mod:`kd.trimesh` and :mod:`kd.open3d` have the interfaces of trimesh's ray queries and of Open3D's ``RaycastingScene``.
 """
 
-from kd._kd import ClosestPoints, HitLists, Hits, KdTree, TriangleLists
+from kd._kd import ClosestPoints, Frame, HitLists, Hits, KdTree, Scene, TriangleLists
 
-__all__ = ["ClosestPoints", "HitLists", "Hits", "KdTree", "TriangleLists"]
+__all__ = ["ClosestPoints", "Frame", "HitLists", "Hits", "KdTree", "Scene", "TriangleLists"]

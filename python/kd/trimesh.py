@@ -52,6 +52,10 @@ class RayMeshIntersector:
     def _intersector(self):
         return Intersector(self._tree, np.asarray(self.mesh.vertices, np.float64))
 
+    @caching.cache_decorator
+    def _is_closed(self):
+        return self._tree.is_closed
+
     def intersects_location(self, ray_origins, ray_directions, multiple_hits=True):
         """Where rays hit the surface.
 
@@ -108,7 +112,7 @@ class RayMeshIntersector:
         points = np.asanyarray(points, dtype=np.float64)
         if not trimesh.util.is_shape(points, (-1, 3)):
             raise ValueError("points must be (n,3)")
-        if self._tree.is_closed:
+        if self.mesh.is_watertight or self._is_closed:
             return self._tree.contains(points)
         return ray_util.contains_points(self, points)
 

@@ -435,3 +435,51 @@ pub(crate) fn zero_rows<'py, T: Element>(
         .call_method1("zeros", ((len, 3), T::get_dtype(py)))?;
     Ok(array.cast_into()?)
 }
+
+/// A new array with three numbers in each row.
+pub(crate) fn array_of_rows<'py, T: Element + Copy>(
+    py: Python<'py>,
+    all: &[[T; 3]],
+) -> PyResult<Bound<'py, numpy::PyArray2<T>>> {
+    let array = zero_rows::<T>(py, all.len())?;
+    array
+        .readwrite()
+        .as_slice_mut()
+        .expect("a new array")
+        .copy_from_slice(all.as_flattened());
+    Ok(array)
+}
+
+/// A small matrix with four columns.
+pub(crate) struct Matrix(Vec<[f64; 4]>);
+
+impl Matrix {
+    pub(crate) fn new(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let array = as_array(argument, value)?;
+        if !matches!(kind(&array), 'f' | 'i' | 'u') {
+            return Err(wrong_type(
+                argument,
+                format_args!("expected floats, got an array of dtype {}", array.dtype()),
+            ));
+        }
+        let [_, 4] = *array.shape() else {
+            let shape = shape_of(array.shape());
+            return Err(wrong_value(
+                argument,
+                format_args!("expected a matrix with four columns, got {shape}"),
+            ));
+        };
+        let array = in_place_or_copy(argument, array, "float64")?;
+        let matrix = Readable::<f64, Ix2>::new(argument, &array)?;
+        let matrix = matrix.array.as_array();
+        let rows = 0..matrix.nrows().min(5);
+        Ok(Self(
+            rows.map(|i| [0, 1, 2, 3].map(|k| matrix[[i, k]])).collect(),
+        ))
+    }
+
+    /// Its rows, five at most.
+    pub(crate) fn rows(&self) -> &[[f64; 4]] {
+        &self.0
+    }
+}

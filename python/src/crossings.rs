@@ -7,7 +7,8 @@
 //!
 //! So a ray crosses a closed surface as often as a ray beside it: once through the vertex of a sphere, and an even number of times from
 //! outside to outside. Where the ray beside it misses the whole group, at the rim of an open surface or where a ray touches a ridge, one
-//! hit of each side counts, so that nothing that is hit is lost.
+//! hit of each side counts, so that nothing that is hit is lost. A ray that runs in the plane of a triangle does not hit it, and may cross
+//! its neighbors an odd number of times.
 
 use std::mem;
 

@@ -5,6 +5,7 @@ use std::fmt::Display;
 use kd::BuildError;
 use kd::MeshError;
 use kd::build::ThreadsError;
+use kd::scene::{CommitError, SceneError};
 use kd::tree::FileError;
 use pyo3::PyErr;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, PyValueError};
@@ -82,4 +83,19 @@ pub(crate) fn of_file(error: &FileError) -> PyErr {
         },
         _ => PyValueError::new_err(error.to_string()),
     }
+}
+
+/// A scene that was not changed.
+pub(crate) fn of_scene(error: &SceneError) -> PyErr {
+    match error {
+        SceneError::Mesh { error, .. } => of_mesh(error),
+        SceneError::NotFinite { .. } => wrong_value("transform", "not finite in float32"),
+        SceneError::NoSuchPart { .. } => wrong_value("part", error),
+        _ => PyValueError::new_err(error.to_string()),
+    }
+}
+
+/// A frame that was not made.
+pub(crate) fn of_commit(error: &CommitError) -> PyErr {
+    PyValueError::new_err(error.to_string())
 }

@@ -14,7 +14,7 @@ use kd::{Aabb, KdTree, Mesh};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::arrays::{Rows, faces, zero_rows};
+use crate::arrays::{Rows, array_of_rows, faces, zero_rows};
 use crate::crossings::crossings;
 use crate::errors::{of_build, of_file, of_mesh, wrong_value};
 use crate::hits::{HitArrays, Hits};
@@ -204,8 +204,8 @@ with_queries! {
         ///
         /// As :meth:`hits`, but a ray exactly through an edge or a vertex crosses the surface there as often as a ray beside it: once
         /// through a vertex of a sphere, where :meth:`hits` has all triangles around it. So from outside to outside of a closed mesh there
-        /// is an even number. Where the ray beside it would miss, at the rim of an open mesh or on a ridge that it touches, one hit of
-        /// each side counts. Coincident triangles count one by one.
+        /// is an even number, unless the ray runs in the plane of a triangle. Where the ray beside it would miss, at the rim of an open
+        /// mesh or on a ridge that it touches, one hit of each side counts. Coincident triangles count one by one.
         ///
         /// In detail: hits of triangles that share the edge or the vertex, by its coordinates, are a group; of a group as many hits of
         /// each side count as a ray would have that is moved aside by less than every number. The first hits stand for them.
@@ -246,7 +246,8 @@ with_queries! {
             numbers_of(py, &points, self.threads, 0.0, answer, |number| number)
         }
 
-        /// Whether every edge is shared by two triangles that agree about its direction: where :meth:`contains` is exact.
+        /// Whether the surface is closed, where :meth:`contains` is exact: each edge is used as often in one direction as in the other.
+        /// Vertices at equal positions are one vertex.
         #[getter]
         fn is_closed(&self, py: Python<'_>) -> bool {
             py.detach(|| self.tree.mesh().is_closed())
@@ -268,7 +269,7 @@ with_queries! {
         /// The faces: a new uint32 array of shape (M, 3).
         #[getter]
         fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-            rows_of(py, self.tree.mesh().triangles())
+            array_of_rows(py, self.tree.mesh().triangles())
         }
 
         /// The point of the coordinates of ``vertices`` at which float32 coordinates have their zero: (x, y, z).
@@ -320,7 +321,7 @@ with_queries! {
         /// By the mesh and the options: the tree is built again.
         fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
             let mesh = self.tree.mesh();
-            let arrays = (rows_of(py, mesh.positions())?, rows_of(py, mesh.triangles())?);
+            let arrays = (array_of_rows(py, mesh.positions())?, array_of_rows(py, mesh.triangles())?);
             let places = (self.zero.to_array(), self.rounding.to_array());
             let options = (self.options.preset, self.options.layout, self.threads.number());
             Ok((py.import("kd._kd")?.getattr("_kd_tree")?, (arrays, places, options)))
@@ -353,18 +354,4 @@ pub(crate) fn _kd_tree(
     let (preset, layout, threads) = options;
     let (options, threads) = (Options::new(&preset, &layout)?, Threads::new(threads)?);
     PyKdTree::built(py, placed, options, threads, None)
-}
-
-/// Three numbers in each row.
-fn rows_of<'py, T: numpy::Element + Copy>(
-    py: Python<'py>,
-    all: &[[T; 3]],
-) -> PyResult<Bound<'py, PyArray2<T>>> {
-    let array = zero_rows::<T>(py, all.len())?;
-    array
-        .readwrite()
-        .as_slice_mut()
-        .expect("a new array")
-        .copy_from_slice(all.as_flattened());
-    Ok(array)
 }

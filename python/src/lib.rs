@@ -6,7 +6,7 @@
 //! | `rays.rs`, `mesh.rs`, `options.rs` | arguments of queries and builds |
 //! | `hits.rs`, `lists.rs` | hits and lists of hits as results |
 //! | `ray_queries.rs`, `point_queries.rs`, `queries.rs` | queries of any structure |
-//! | `kd_tree.rs` | `kd.KdTree` |
+//! | `kd_tree.rs`, `scene.rs` | `kd.KdTree`; `kd.Scene` and `kd.Frame` |
 //! | `crossings.rs` | hits at edges and corners, counted once |
 //! | `trimesh.rs` | what `kd.trimesh` asks |
 //! | `threads.rs` | pools of threads, and builds that `Ctrl-C` ends |
@@ -28,6 +28,7 @@ mod point_queries;
 mod queries;
 mod ray_queries;
 mod rays;
+mod scene;
 mod threads;
 mod trimesh;
 
@@ -42,6 +43,8 @@ mod _kd {
     use crate::kd_tree::{_kd_tree, PyKdTree};
     #[pymodule_export]
     use crate::point_queries::{ClosestPoints, TriangleArrays};
+    #[pymodule_export]
+    use crate::scene::{PyFrame, PyScene};
     #[pymodule_export]
     use crate::trimesh::Intersector;
 }
