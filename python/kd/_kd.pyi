@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "ClosestPoints",
     "Frame",
+    "Geometries",
     "HitLists",
     "Hits",
     "Intersector",
@@ -25,6 +26,7 @@ _Float32: TypeAlias = NDArray[np.float32]
 _Float64: TypeAlias = NDArray[np.float64]
 _Int32: TypeAlias = NDArray[np.int32]
 _Int64: TypeAlias = NDArray[np.int64]
+_UInt32: TypeAlias = NDArray[np.uint32]
 _Bool: TypeAlias = NDArray[np.bool_]
 _Culling: TypeAlias = Literal["back", "front"] | None
 _Strategy: TypeAlias = Literal["auto", "merge", "refit", "instances", "dual", "rebuild"]
@@ -275,6 +277,21 @@ class Intersector:
         max: int,
         with_places: bool,
     ) -> tuple[_Int64, _Int64, _Float64]: ...
+
+@final
+class Geometries:
+    def __new__(cls, tree: KdTree, starts: Sequence[int]) -> Geometries: ...
+    def cast(
+        self, rays: ArrayLike, threads: int
+    ) -> tuple[_Float32, _UInt32, _UInt32, _Float32, _Float32]: ...
+    def occluded(self, rays: ArrayLike, t_near: float, t_far: float, threads: int) -> _Bool: ...
+    def count(self, rays: ArrayLike, threads: int) -> _Int32: ...
+    def list(
+        self, rays: ArrayLike, threads: int
+    ) -> tuple[_UInt32, _UInt32, _Float32, _UInt32, _UInt32, _Float32]: ...
+    def closest(
+        self, points: ArrayLike, threads: int
+    ) -> tuple[_Float32, _UInt32, _UInt32, _Float32, _Float32]: ...
 
 def _hits(t: _Float32, triangle: _Int32, u: _Float32, v: _Float32, part: _Int32 | None) -> Hits: ...
 def _hit_lists(offsets: _Int64, hits: Hits) -> HitLists: ...

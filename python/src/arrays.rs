@@ -483,3 +483,63 @@ impl Matrix {
         &self.0
     }
 }
+
+/// One array of all parts.
+pub(crate) fn joined<'py, T: Element + Copy, P: AsRef<[T]>>(
+    py: Python<'py>,
+    parts: &[P],
+) -> PyResult<Bound<'py, PyArray1<T>>> {
+    let array = zeros::<T>(py, parts.iter().map(|part| part.as_ref().len()).sum())?;
+    let mut all = array.readwrite();
+    let mut rest = all.as_slice_mut().expect("a new array");
+    for part in parts {
+        let (own, others) = rest.split_at_mut(part.as_ref().len());
+        own.copy_from_slice(part.as_ref());
+        rest = others;
+    }
+    drop(all);
+    Ok(array)
+}
+
+/// Six floats in each row, in f32.
+pub(crate) struct SixColumns<'py>(Readable<'py, f32, Ix2>);
+
+impl<'py> SixColumns<'py> {
+    /// An argument of shape (N, 6).
+    pub(crate) fn new(argument: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let array = as_array(argument, value)?;
+        if !matches!(kind(&array), 'f' | 'i' | 'u') {
+            return Err(wrong_type(
+                argument,
+                format_args!("expected floats, got an array of dtype {}", array.dtype()),
+            ));
+        }
+        let [rows, 6] = *array.shape() else {
+            let shape = shape_of(array.shape());
+            return Err(wrong_value(
+                argument,
+                format_args!("expected an array of shape (N, 6), got {shape}"),
+            ));
+        };
+        check_rows(argument, rows)?;
+        let array = in_place_or_copy(argument, array, "float32")?;
+        Ok(Self(Readable::new(argument, &array)?))
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.0.array.len() / 6
+    }
+
+    /// Calls `each` with rows from `start` on.
+    pub(crate) fn for_each(&self, start: usize, count: usize, mut each: impl FnMut([f32; 6])) {
+        let rows = self.0.array.as_array();
+        if let Some(all) = rows.as_slice() {
+            let (rows, _) = all.as_chunks::<6>();
+            rows[start..start + count].iter().for_each(|row| each(*row));
+            return;
+        }
+        for i in start..start + count {
+            each([0, 1, 2, 3, 4, 5].map(|k| rows[[i, k]]));
+        }
+    }
+}

@@ -8,7 +8,7 @@
 //! | `ray_queries.rs`, `point_queries.rs`, `queries.rs` | queries of any structure |
 //! | `kd_tree.rs`, `scene.rs` | `kd.KdTree`; `kd.Scene` and `kd.Frame` |
 //! | `crossings.rs` | hits at edges and corners, counted once |
-//! | `trimesh.rs` | what `kd.trimesh` asks |
+//! | `trimesh.rs`, `open3d.rs` | what `kd.trimesh` and `kd.open3d` ask |
 //! | `threads.rs` | pools of threads, and builds that `Ctrl-C` ends |
 //! | `errors.rs` | exceptions |
 //!
@@ -23,6 +23,7 @@ mod hits;
 mod kd_tree;
 mod lists;
 mod mesh;
+mod open3d;
 mod options;
 mod point_queries;
 mod queries;
@@ -41,6 +42,8 @@ mod _kd {
     use crate::hits::{_hit_lists, _hits, HitArrays, Hits};
     #[pymodule_export]
     use crate::kd_tree::{_kd_tree, PyKdTree};
+    #[pymodule_export]
+    use crate::open3d::Geometries;
     #[pymodule_export]
     use crate::point_queries::{ClosestPoints, TriangleArrays};
     #[pymodule_export]

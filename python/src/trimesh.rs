@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::arrays::{Rows, reserved, zeros};
+use crate::arrays::{Rows, joined, reserved};
 use crate::crossings::crossings;
 use crate::errors::wrong_value;
 use crate::kd_tree::PyKdTree;
@@ -282,21 +282,4 @@ fn closest(tree: &KdTree, rays: &[Ray], max: usize) -> Lists<Hit> {
         lists.push(&hit.as_slice()[..max.min(usize::from(hit.is_some()))]);
     }
     lists
-}
-
-/// One array of all parts.
-fn joined<'py, T: numpy::Element + Copy, P: AsRef<[T]>>(
-    py: Python<'py>,
-    parts: &[P],
-) -> PyResult<Bound<'py, PyArray1<T>>> {
-    let array = zeros::<T>(py, parts.iter().map(|part| part.as_ref().len()).sum())?;
-    let mut all = array.readwrite();
-    let mut rest = all.as_slice_mut().expect("a new array");
-    for part in parts {
-        let (own, others) = rest.split_at_mut(part.as_ref().len());
-        own.copy_from_slice(part.as_ref());
-        rest = others;
-    }
-    drop(all);
-    Ok(array)
 }
