@@ -120,7 +120,14 @@ impl<T: Triple> Sight<T> {
     /// The weights that decide: of coordinates across rounded to 26 bits, so that the products in edge functions are exact.
     #[inline(always)]
     pub(crate) fn deciding_weights(&self) -> T {
-        weights(to_26_bits(self.x), to_26_bits(self.y))
+        let [x, y] = self.deciding_places();
+        weights(x, y)
+    }
+
+    /// Where the ray sees the corners, across, by the numbers that decide. The ray is at zero.
+    #[inline(always)]
+    pub(crate) fn deciding_places(&self) -> [T; 2] {
+        [to_26_bits(self.x), to_26_bits(self.y)]
     }
 
     /// `t`, `u` and `v` of the point that the ray meets, from the weights that decide.

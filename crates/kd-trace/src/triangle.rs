@@ -209,14 +209,30 @@ impl TriangleTest {
     /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
+        let from_origin = self.from_origin(corners);
+        let range = [self.t_min, self.t_max];
+        self.view.hit(from_origin, range, self.culling, triangle)
+    }
+
+    /// Where the ray sees the corners of a triangle, across, by the numbers that [`decide`](Self::decide): the ray is at zero, and a corner
+    /// is at the same place for all triangles around it. The ray passes an edge exactly where the cross product of its ends is zero; the
+    /// products in it are exact.
+    #[inline]
+    pub fn places(&self, corners: [Vec3; 3]) -> [[f64; 2]; 3] {
+        let sight = self.view.sight(self.from_origin(corners));
+        let [Three(x), Three(y)] = sight.deciding_places();
+        [0, 1, 2].map(|corner| [x[corner], y[corner]])
+    }
+
+    /// Corners from the origin of the ray: across, across and along.
+    #[inline(always)]
+    fn from_origin(&self, corners: [Vec3; 3]) -> [Three<f64>; 3] {
         let [a, b, c] = each(corners, |corner| corner.to_array());
-        let from_origin = each(self.axes(), |axis| {
+        each(self.axes(), |axis| {
             let axis = axis.index();
             let corners = Three([a[axis].into(), b[axis].into(), c[axis].into()]);
             corners.minus(f64::from(self.origin[axis]))
-        });
-        let range = [self.t_min, self.t_max];
-        self.view.hit(from_origin, range, self.culling, triangle)
+        })
     }
 
     /// [`decide`](Self::decide) for any triangle. Rounding may call a triangle of zero area hit, which never is.
