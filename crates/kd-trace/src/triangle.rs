@@ -209,7 +209,7 @@ impl TriangleTest {
     /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
-        let from_origin = self.from_origin(corners);
+        let from_origin = self.seen_from_origin(corners);
         let range = [self.t_min, self.t_max];
         self.view.hit(from_origin, range, self.culling, triangle)
     }
@@ -219,14 +219,14 @@ impl TriangleTest {
     /// products in it are exact.
     #[inline]
     pub fn places(&self, corners: [Vec3; 3]) -> [[f64; 2]; 3] {
-        let sight = self.view.sight(self.from_origin(corners));
+        let sight = self.view.sight(self.seen_from_origin(corners));
         let [Three(x), Three(y)] = sight.deciding_places();
         [0, 1, 2].map(|corner| [x[corner], y[corner]])
     }
 
     /// Corners from the origin of the ray: across, across and along.
     #[inline(always)]
-    fn from_origin(&self, corners: [Vec3; 3]) -> [Three<f64>; 3] {
+    fn seen_from_origin(&self, corners: [Vec3; 3]) -> [Three<f64>; 3] {
         let [a, b, c] = each(corners, |corner| corner.to_array());
         each(self.axes(), |axis| {
             let axis = axis.index();

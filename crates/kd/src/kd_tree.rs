@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
+use glam::DVec3;
 use kd_core::{Hit, Layout, Mesh, Node, Ray, RayPacket8, Tree, TreeStats};
 use kd_file::SavedFile;
 use kd_points::WindingNumbers;
@@ -35,6 +36,8 @@ pub struct KdTree {
     pub(crate) winding: OnceLock<Arc<WindingNumbers>>,
     /// The mapped file of a tree that was not verified, which may have a kd-tree that was not read yet.
     pub(crate) saved: Option<Arc<SavedFile>>,
+    /// See [`with_origin`](Self::with_origin).
+    pub(crate) origin: DVec3,
 }
 
 impl KdTree {
@@ -99,6 +102,7 @@ impl KdTree {
             options: options.clone(),
             winding: OnceLock::new(),
             saved: None,
+            origin: DVec3::ZERO,
         })
     }
 
@@ -163,6 +167,41 @@ impl KdTree {
         let tree = layout::build_kd_tree(&self.mesh, &self.options, progress)?;
         // Another thread may have built the same tree meanwhile.
         Ok(self.tree.get_or_init(|| tree))
+    }
+
+    /// The same tree, which knows the point of its [world](crate::world) at which the coordinates of the mesh have their zero. Files keep
+    /// it; queries do not use it. It is zero unless it is set.
+    ///
+    /// ```
+    /// use kd::world::World;
+    /// use kd::{BuildOptions, KdTree, Mesh};
+    ///
+    /// let corners = [[5e5, 5.2e6, 0.0], [5e5 + 9.0, 5.2e6, 0.0], [5e5, 5.2e6 + 9.0, 0.0]];
+    /// let mesh = Mesh::from_f64(&corners, vec![[0, 1, 2]])?;
+    /// let folder = tempfile::tempdir()?;
+    /// let path = folder.path().join("tile.kd");
+    /// let tree = KdTree::build(mesh.mesh, &BuildOptions::balanced())?;
+    /// tree.with_origin(mesh.origin).save(&path)?;
+    ///
+    /// let tree = KdTree::load(&path)?;
+    /// let origin = tree.origin();
+    /// assert_eq!(World::new(tree, origin).origin, mesh.origin);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn with_origin(self, origin: impl Into<DVec3>) -> Self {
+        let origin = origin.into();
+        Self { origin, ..self }
+    }
+
+    /// The point of the world at which the coordinates of the mesh have their zero.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// The options of the build, without the number of threads if the tree is from a file.
+    pub fn options(&self) -> &BuildOptions {
+        &self.options
     }
 
     /// Which layout rays traverse.

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use bytemuck::{cast, cast_slice};
+use glam::DVec3;
 use kd_core::{Aabb, Layout, Mesh, NodeIndex, Pair, Tree};
 use kd_file::{Contents, FileError, SavedFile, Section, SectionKind, Verify};
 use kd_sah::BuildOptions;
@@ -29,11 +30,12 @@ struct Properties {
     /// Of the wide nodes. The root of others is the first node.
     root: Child,
     limited_cells: u64,
+    origin: DVec3,
 }
 
 impl Properties {
     const SECTION: Section = section(SectionKind::Tree);
-    const WORDS: usize = BuildOptions::WORDS + 9;
+    const WORDS: usize = BuildOptions::WORDS + 15;
 
     fn of(tree: &KdTree) -> Self {
         let limited_cells = tree.known_kd_tree().map_or(0, Tree::limited_cells);
@@ -45,6 +47,7 @@ impl Properties {
                 TreeLayout::Binary(_) => Child::NOTHING,
             },
             limited_cells: limited_cells as u64,
+            origin: tree.origin,
         }
     }
 
@@ -54,8 +57,9 @@ impl Properties {
         let mut words = self.options.to_words().to_vec();
         words.extend(corners.map(f32::to_bits));
         words.push(cast(self.root));
-        #[allow(clippy::cast_possible_truncation, reason = "the upper half follows")]
-        words.extend([self.limited_cells as u32, (self.limited_cells >> 32) as u32]);
+        words.extend(halves(self.limited_cells));
+        let origin = self.origin.to_array();
+        words.extend(origin.iter().flat_map(|number| halves(number.to_bits())));
         words
     }
 
@@ -72,6 +76,11 @@ impl Properties {
         };
         let options = BuildOptions::from_words(options);
         let number = |place: usize| f32::from_bits(rest[place]);
+        let long = |place: usize| whole([rest[place], rest[place + 1]]);
+        let origin = DVec3::from_array([9, 11, 13].map(|place| f64::from_bits(long(place))));
+        if !origin.is_finite() {
+            return Err(bad("the origin is not finite".to_owned()));
+        }
         Ok(Self {
             options: options.map_err(|error| bad(error.to_string()))?,
             bounds: Aabb {
@@ -79,13 +88,14 @@ impl Properties {
                 max: [number(3), number(4), number(5)].into(),
             },
             root: cast(rest[6]),
-            limited_cells: u64::from(rest[7]) | u64::from(rest[8]) << 32,
+            limited_cells: long(7),
+            origin,
         })
     }
 }
 
 impl KdTree {
-    /// Writes the mesh, what rays traverse, the options, and the kd-tree if there is one, to a file that [`load`](Self::load) reads and
+    /// Writes the mesh, its [origin](Self::origin), what rays traverse, the options, and the kd-tree if there is one, to a file that [`load`](Self::load) reads and
     /// [`open`](Self::open) maps: the same bytes on every platform. Nothing is copied in memory.
     ///
     /// The data goes to a file beside it first (`….partial`), which then replaces an existing file as a whole. If the write fails or is
@@ -243,6 +253,7 @@ impl KdTree {
             options: properties.options,
             winding: OnceLock::new(),
             saved: (!is_verified).then(|| Arc::new(file)),
+            origin: properties.origin,
         })
     }
 
@@ -257,6 +268,16 @@ impl KdTree {
         let tree = read_kd_tree(file, &properties, &self.mesh).ok()?;
         Some(self.tree.get_or_init(|| tree))
     }
+}
+
+/// The lower half first.
+#[allow(clippy::cast_possible_truncation, reason = "the upper half follows")]
+pub(crate) fn halves(bits: u64) -> [u32; 2] {
+    [bits as u32, (bits >> 32) as u32]
+}
+
+pub(crate) fn whole([low, high]: [u32; 2]) -> u64 {
+    u64::from(low) | u64::from(high) << 32
 }
 
 /// The mesh of a file, checked if the file is to be verified.

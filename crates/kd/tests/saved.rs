@@ -79,6 +79,7 @@ fn a_tree_is_the_same_in_memory_and_in_its_file() {
     let (mesh, rays) = gears();
     for options in options() {
         let tree = KdTree::build(mesh.clone(), &options).expect("within limits");
+        let tree = tree.with_origin([1.0, 5.2e6, -0.1]);
         let hits = all_hits(&tree, &rays);
         assert!(hits.iter().flatten().count() > 1000, "the scene is in view");
         tree.save(&path).expect("written");
@@ -93,6 +94,7 @@ fn a_tree_is_the_same_in_memory_and_in_its_file() {
             assert!(same.mesh() == tree.mesh(), "{options:?}");
             assert_eq!(all_hits(&same, &rays), hits, "{options:?}");
             assert_eq!(same.stats(), tree.stats(), "{options:?}");
+            assert_eq!((same.origin(), same.options()), (tree.origin(), &options));
             let again = path.with_extension("again");
             same.save(&again).expect("written");
             let again = std::fs::read(again).expect("just written");
@@ -329,6 +331,10 @@ fn forged_files_with_valid_checksums_are_refused() {
         "tree properties: option `method` must be one that this version has"
     );
     assert_eq!(wide(Tree, 30, 77), "the root is not in the layout");
+    assert_eq!(
+        wide(Tree, 34, 0x7ff0_0000),
+        "tree properties: the origin is not finite"
+    );
     assert_eq!(
         wide(WideNodes, 48, 0),
         "node 0, child 0: not stored behind the node"

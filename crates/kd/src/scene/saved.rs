@@ -12,6 +12,7 @@ use kd_sah::BuildOptions;
 use super::part::{PartId, Role};
 use super::placement::Placement;
 use super::{MergeMethod, Scene, Strategy};
+use crate::saved::{halves, whole};
 
 const SCENE: Section = Section::new(SectionKind::Scene, 0);
 const PARTS: Section = Section::new(SectionKind::Parts, 0);
@@ -276,14 +277,4 @@ fn triangles(mesh: u32) -> Section {
 
 fn number_of(count: usize) -> u32 {
     u32::try_from(count).expect("a scene has fewer than 2^32 parts")
-}
-
-/// The lower half first.
-#[allow(clippy::cast_possible_truncation, reason = "the upper half follows")]
-fn halves(bits: u64) -> [u32; 2] {
-    [bits as u32, (bits >> 32) as u32]
-}
-
-fn whole([low, high]: [u32; 2]) -> u64 {
-    u64::from(low) | u64::from(high) << 32
 }
