@@ -10,13 +10,14 @@ use std::sync::Arc;
 
 use kd::glam::{DVec3, Vec3};
 use kd::points::Nearest;
-use kd::{Aabb, KdTree, Mesh};
+use kd::{Aabb, BuildOptions, KdTree, Mesh};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays::{Rows, array_of_rows, faces, zero_rows};
 use crate::crossings::crossings;
-use crate::errors::{of_build, of_file, of_mesh, wrong_value};
+use crate::errors::{of_build, of_file, of_mesh};
+use crate::files;
 use crate::hits::{HitArrays, Hits};
 use crate::mesh::{PlacedMesh, single};
 use crate::options::Options;
@@ -59,8 +60,10 @@ pub(crate) struct PyKdTree {
     pub(crate) tree: Arc<KdTree>,
     pub(crate) zero: DVec3,
     pub(crate) threads: Threads,
-    options: Options,
-    rounding: DVec3,
+    /// `None` if the tree is from a file.
+    rounding: Option<DVec3>,
+    /// The file that is mapped, and whether it was verified.
+    file: Option<(PathBuf, bool)>,
 }
 
 impl PyKdTree {
@@ -79,23 +82,40 @@ impl PyKdTree {
     fn built(
         py: Python<'_>,
         placed: PlacedMesh,
-        options: Options,
+        options: &BuildOptions,
         threads: Threads,
         progress: Option<&Py<PyAny>>,
     ) -> PyResult<Self> {
         let workers = threads.for_build()?;
-        let build = options.build(workers.are_several());
+        let build = options
+            .clone()
+            .with_threads(usize::from(!workers.are_several()));
         let mesh = placed.mesh;
         let tree = interruptible(py, progress, |progress| {
             workers.run(|| KdTree::build_with_progress(mesh, &build, progress))
         })?;
+        let tree = tree.map_err(|error| of_build(&error))?;
         Ok(Self {
-            tree: Arc::new(tree.map_err(|error| of_build(&error))?),
+            tree: Arc::new(tree.with_origin(placed.zero)),
             zero: placed.zero,
             threads,
-            options,
             rounding: placed.rounding,
+            file: None,
         })
+    }
+
+    fn of_file(tree: KdTree, threads: Threads, file: Option<(PathBuf, bool)>) -> Self {
+        Self {
+            zero: tree.origin(),
+            tree: Arc::new(tree),
+            threads,
+            rounding: None,
+            file,
+        }
+    }
+
+    fn options(&self) -> Options {
+        Options::of(self.tree.options())
     }
 
     fn closest_points_of(
@@ -156,10 +176,10 @@ with_queries! {
             threads: Option<usize>,
             progress: Option<Py<PyAny>>,
         ) -> PyResult<Self> {
-            let options = Options::new(preset, layout)?;
+            let options = Options::new(preset, layout)?.build(true);
             let threads = Threads::new(threads)?;
             let mesh = PlacedMesh::new(vertices, faces)?;
-            Self::built(py, mesh, options, threads, progress.as_ref())
+            Self::built(py, mesh, &options, threads, progress.as_ref())
         }
 
         /// The same tree, whose queries use this number of threads; all if it is None. Shares the memory of this one.
@@ -168,36 +188,52 @@ with_queries! {
             Ok(Self {
                 tree: Arc::clone(&self.tree),
                 threads: Threads::new(threads)?,
+                file: self.file.clone(),
                 ..*self
             })
         }
 
-        /// Writes mesh and tree to a file that :meth:`load` reads. Builds the kd-tree first, if there is none.
+        /// Writes the tree, as it is traced, to a file that :meth:`load` reads and :meth:`open` maps.
         ///
-        /// The file has no room for an origin: a tree whose :attr:`origin` is not zero is a ValueError. ``pickle`` keeps the origin.
+        /// An existing file is replaced as a whole, or stays as it is; a tree that was opened from it is not changed.
         fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-            if self.zero != DVec3::ZERO {
-                let origin = self.zero;
-                let problem = format!("a file cannot hold the origin {origin} of the tree; pass float32 vertices, or pickle the tree");
-                return Err(wrong_value("path", problem));
-            }
             py.detach(|| self.tree.save(path)).map_err(|error| of_file(&error))
         }
 
-        /// Reads a file that :meth:`save` wrote, and verifies it.
+        /// Reads a file that :meth:`save` wrote into memory, and verifies it.
         #[staticmethod]
         #[pyo3(signature = (path, threads = None))]
         fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
             let threads = Threads::new(threads)?;
-            let workers = threads.for_build()?;
-            let tree = py.detach(|| workers.run(|| KdTree::load(path)));
-            Ok(Self {
-                tree: Arc::new(tree.map_err(|error| of_file(&error))?),
-                zero: DVec3::ZERO,
-                threads,
-                options: Options::BALANCED,
-                rounding: DVec3::ZERO,
-            })
+            let tree = py.detach(|| KdTree::load(path));
+            Ok(Self::of_file(tree.map_err(|error| of_file(&error))?, threads, None))
+        }
+
+        /// Maps a file that :meth:`save` wrote into memory, and traces it as it lies.
+        ///
+        /// Memory is taken by what rays touch, and is shared by all processes that open the file. A pickle of the tree is the path, so
+        /// that workers open the file, too.
+        ///
+        /// As with ``numpy.memmap``, nothing may change the file or make it shorter while the tree is in use; :meth:`save` replaces a file
+        /// and is allowed. Otherwise answers are wrong or the process ends. :meth:`load` needs no such promise.
+        ///
+        /// Parameters
+        /// ----------
+        /// path : str or path
+        ///     A file of :meth:`save`.
+        /// verify : bool
+        ///     Read and check all of the file once, as :meth:`load` does, which takes about as long as reading it. Pass False only for a
+        ///     file that is known to be one of :meth:`save`: the tree is then ready at once, whatever its size.
+        /// threads : int, optional
+        ///     The number of threads of queries; all by default.
+        #[staticmethod]
+        #[pyo3(signature = (path, verify = true, threads = None))]
+        fn open(py: Python<'_>, path: PathBuf, verify: bool, threads: Option<usize>) -> PyResult<Self> {
+            let threads = Threads::new(threads)?;
+            let path = std::path::absolute(&path).unwrap_or(path);
+            let tree = py.detach(|| files::open(&path, verify));
+            let tree = tree.map_err(|error| of_file(&error))?;
+            Ok(Self::of_file(tree, threads, Some((path, verify))))
         }
 
         /// The crossings of each ray with the surface, in order, as :class:`HitLists`.
@@ -278,10 +314,11 @@ with_queries! {
             self.zero.to_array()
         }
 
-        /// The largest error of a vertex on each axis, from the rounding to float32: (x, y, z).
+        /// The largest error of a vertex on each axis, from the rounding to float32: (x, y, z); None for a tree from a file, which does not
+        /// have it.
         #[getter]
-        fn rounding(&self) -> [f64; 3] {
-            self.rounding.to_array()
+        fn rounding(&self) -> Option<[f64; 3]> {
+            self.rounding.map(|rounding| rounding.to_array())
         }
 
         /// The number of threads of queries; None for all.
@@ -290,16 +327,16 @@ with_queries! {
             self.threads.number()
         }
 
-        /// The preset of the build.
+        /// The preset of the build; "custom" for a tree from a file that was built with other options.
         #[getter]
         fn preset(&self) -> &'static str {
-            self.options.preset
+            self.options().preset
         }
 
         /// What rays traverse: "wide" or "binary".
         #[getter]
         fn layout(&self) -> &'static str {
-            self.options.layout
+            self.options().layout
         }
 
         /// The number of triangles.
@@ -313,45 +350,45 @@ with_queries! {
                 "<kd.KdTree: {} triangles, {} vertices, preset {:?}, layout {:?}>",
                 mesh.len(),
                 mesh.positions().len(),
-                self.options.preset,
-                self.options.layout,
+                self.options().preset,
+                self.options().layout,
             )
         }
 
-        /// By the mesh and the options: the tree is built again.
-        fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
+        /// A tree that was opened: its path, and the file is opened again. Another one: its mesh and its options, and it is built again.
+        fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+            if let Some((path, verify)) = &self.file {
+                let arguments = (path, *verify, self.threads.number());
+                let open = py.get_type::<Self>().getattr("open")?;
+                return Ok((open, arguments.into_pyobject(py)?.into_any()));
+            }
             let mesh = self.tree.mesh();
             let arrays = (array_of_rows(py, mesh.positions())?, array_of_rows(py, mesh.triangles())?);
-            let places = (self.zero.to_array(), self.rounding.to_array());
-            let options = (self.options.preset, self.options.layout, self.threads.number());
-            Ok((py.import("kd._kd")?.getattr("_kd_tree")?, (arrays, places, options)))
+            let rounding = self.rounding.map(|rounding| rounding.to_array());
+            let places = (self.zero.to_array(), rounding);
+            let options = (self.tree.options().to_words(), self.threads.number());
+            let arguments = (arrays, places, options).into_pyobject(py)?;
+            Ok((py.import("kd._kd")?.getattr("_kd_tree")?, arguments.into_any()))
         }
     }
 }
-
-type Pickled<'py> = (
-    (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<u32>>),
-    ([f64; 3], [f64; 3]),
-    (&'static str, &'static str, Option<usize>),
-);
 
 /// A tree from a pickle.
 #[pyfunction]
 pub(crate) fn _kd_tree(
     py: Python<'_>,
     arrays: (Bound<'_, PyAny>, Bound<'_, PyAny>),
-    places: ([f64; 3], [f64; 3]),
-    options: (String, String, Option<usize>),
+    places: ([f64; 3], Option<[f64; 3]>),
+    options: ([u32; BuildOptions::WORDS], Option<usize>),
 ) -> PyResult<PyKdTree> {
     let vertices = Rows::new("vertices", &arrays.0)?;
     let mesh = Mesh::new(single("vertices", &vertices)?, faces("faces", &arrays.1)?);
-    let (zero, rounding) = (DVec3::from(places.0), DVec3::from(places.1));
     let placed = PlacedMesh {
         mesh: mesh.map_err(|error| of_mesh(&error))?,
-        zero,
-        rounding,
+        zero: DVec3::from(places.0),
+        rounding: places.1.map(DVec3::from),
     };
-    let (preset, layout, threads) = options;
-    let (options, threads) = (Options::new(&preset, &layout)?, Threads::new(threads)?);
-    PyKdTree::built(py, placed, options, threads, None)
+    let (words, threads) = options;
+    let options = BuildOptions::from_words(&words).map_err(|error| of_build(&error))?;
+    PyKdTree::built(py, placed, &options, Threads::new(threads)?, None)
 }

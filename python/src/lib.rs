@@ -14,11 +14,12 @@
 //!
 //! The interpreter's lock is held while arguments are read and results are made, and released while threads work. No worker ever waits
 //! for it.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod arrays;
 mod crossings;
 mod errors;
+mod files;
 mod hits;
 mod kd_tree;
 mod lists;

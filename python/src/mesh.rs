@@ -12,8 +12,8 @@ use crate::rays::rounded;
 pub(crate) struct PlacedMesh {
     pub(crate) mesh: Mesh,
     pub(crate) zero: DVec3,
-    /// The largest error of a vertex on each axis.
-    pub(crate) rounding: DVec3,
+    /// The largest error of a vertex on each axis, if it is known.
+    pub(crate) rounding: Option<DVec3>,
 }
 
 impl PlacedMesh {
@@ -28,7 +28,7 @@ impl PlacedMesh {
                 Ok(Self {
                     mesh: mesh.map_err(|error| of_mesh(&error))?,
                     zero: DVec3::ZERO,
-                    rounding: DVec3::ZERO,
+                    rounding: Some(DVec3::ZERO),
                 })
             }
             RowsView::Double(view) => {
@@ -41,7 +41,7 @@ impl PlacedMesh {
                 Ok(Self {
                     mesh: world.mesh,
                     zero: world.origin,
-                    rounding: world.rounding,
+                    rounding: Some(world.rounding),
                 })
             }
         }

@@ -13,11 +13,26 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// Those of a file, which does not record its own.
-    pub(crate) const BALANCED: Self = Self {
-        preset: "balanced",
-        layout: "wide",
-    };
+    /// The names of the options of a file; the preset is "custom" if it is none of those here.
+    pub(crate) fn of(options: &BuildOptions) -> Self {
+        let (preset, layout) = (options.clone(), options.layout());
+        let presets = [
+            ("fast", BuildOptions::fast()),
+            ("balanced", BuildOptions::balanced()),
+            ("best", BuildOptions::best()),
+        ];
+        let is_same = |known: &BuildOptions| {
+            known.clone().with_layout(layout).to_words() == preset.to_words()
+        };
+        let known = presets.iter().find(|(_, known)| is_same(known));
+        Self {
+            preset: known.map_or("custom", |(name, _)| *name),
+            layout: match layout {
+                Layout::Binary => "binary",
+                _ => "wide",
+            },
+        }
+    }
 
     pub(crate) fn new(preset: &str, layout: &str) -> PyResult<Self> {
         let known = |argument, name: &str, all: [&'static str; 3]| {
