@@ -7,8 +7,9 @@
 (5.0, 0)
 
 :mod:`kd.trimesh` and :mod:`kd.open3d` have the interfaces of trimesh's ray queries and of Open3D's ``RaycastingScene``.
+:mod:`kd.dask` takes Dask arrays.
 """
 
-from kd._kd import ClosestPoints, Frame, HitLists, Hits, KdTree, Scene, TriangleLists
+from kd._kd import ClosestPoints, Frame, HitLists, Hits, KdTree, Scene, TriangleLists, __version__
 
 __all__ = ["ClosestPoints", "Frame", "HitLists", "Hits", "KdTree", "Scene", "TriangleLists"]

@@ -22,6 +22,8 @@ __all__ = [
     "_kd_tree",
 ]
 
+__version__: str
+
 _Float32: TypeAlias = NDArray[np.float32]
 _Float64: TypeAlias = NDArray[np.float64]
 _Int32: TypeAlias = NDArray[np.int32]

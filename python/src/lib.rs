@@ -10,6 +10,7 @@
 //! | `crossings.rs` | hits at edges and corners, counted once |
 //! | `trimesh.rs`, `open3d.rs` | what `kd.trimesh` and `kd.open3d` ask |
 //! | `threads.rs` | pools of threads, and builds that `Ctrl-C` ends |
+//! | `files.rs` | mapped files |
 //! | `errors.rs` | exceptions |
 //!
 //! The interpreter's lock is held while arguments are read and results are made, and released while threads work. No worker ever waits
@@ -51,4 +52,8 @@ mod _kd {
     use crate::scene::{PyFrame, PyScene};
     #[pymodule_export]
     use crate::trimesh::Intersector;
+
+    #[pymodule_export]
+    #[allow(non_upper_case_globals, reason = "the name that Python has for it")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
 }
