@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::errors::{no_memory, wrong_type, wrong_value};
+use crate::threads::each_on_threads;
 
 /// Rows in one array. Arrays that repeat one row in memory may have far more rows than memory has room for.
 const MOST_ROWS: usize = u32::MAX as usize;
@@ -484,19 +485,23 @@ impl Matrix {
     }
 }
 
-/// One array of all parts.
-pub(crate) fn joined<'py, T: Element + Copy, P: AsRef<[T]>>(
+/// One array of all parts, copied by some threads.
+pub(crate) fn joined<'py, T: Element + Copy, P: AsRef<[T]> + Sync>(
     py: Python<'py>,
     parts: &[P],
+    threads: usize,
 ) -> PyResult<Bound<'py, PyArray1<T>>> {
     let array = zeros::<T>(py, parts.iter().map(|part| part.as_ref().len()).sum())?;
     let mut all = array.readwrite();
     let mut rest = all.as_slice_mut().expect("a new array");
+    let mut copies = Vec::with_capacity(parts.len());
     for part in parts {
         let (own, others) = rest.split_at_mut(part.as_ref().len());
-        own.copy_from_slice(part.as_ref());
+        copies.push((own, part.as_ref()));
         rest = others;
     }
+    // Parts are runs of thousands of rays, about equally long.
+    each_on_threads(&mut copies, threads, |(to, from)| to.copy_from_slice(from));
     drop(all);
     Ok(array)
 }
@@ -530,9 +535,18 @@ impl<'py> SixColumns<'py> {
         self.0.array.len() / 6
     }
 
+    pub(crate) fn view(&self) -> SixColumnsView<'_> {
+        SixColumnsView(self.0.array.as_array())
+    }
+}
+
+/// [`SixColumns`], ready to be read.
+pub(crate) struct SixColumnsView<'a>(ArrayView2<'a, f32>);
+
+impl SixColumnsView<'_> {
     /// Calls `each` with rows from `start` on.
     pub(crate) fn for_each(&self, start: usize, count: usize, mut each: impl FnMut([f32; 6])) {
-        let rows = self.0.array.as_array();
+        let Self(rows) = self;
         if let Some(all) = rows.as_slice() {
             let (rows, _) = all.as_chunks::<6>();
             rows[start..start + count].iter().for_each(|row| each(*row));

@@ -13,7 +13,7 @@ use crate::errors::wrong_value;
 use crate::kd_tree::PyKdTree;
 use crate::point_queries::Points;
 use crate::rays::rounded;
-use crate::threads::Threads;
+use crate::threads::{Threads, fill};
 
 /// Rays or points of one task.
 const RUN: usize = 4096;
@@ -39,7 +39,7 @@ struct Names {
 }
 
 /// What is known of places on triangles, by columns.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Columns {
     geometries: Vec<u32>,
     triangles: Vec<u32>,
@@ -47,9 +47,25 @@ struct Columns {
     normals: Vec<f32>,
 }
 
+impl Columns {
+    fn with_room_for(places: usize, with_normals: bool) -> Self {
+        Self {
+            geometries: Vec::with_capacity(places),
+            triangles: Vec::with_capacity(places),
+            weights: Vec::with_capacity(2 * places),
+            normals: Vec::with_capacity(if with_normals { 3 * places } else { 0 }),
+        }
+    }
+}
+
 impl Geometries {
+    #[inline]
     fn names(&self, triangle: u32) -> Names {
-        let after = self.starts.partition_point(|start| *start <= triangle);
+        // Most scenes have one mesh.
+        let after = match self.starts.len() {
+            1 => 1,
+            _ => self.starts.partition_point(|start| *start <= triangle),
+        };
         let geometry = after - 1;
         Names {
             geometry: u32::try_from(geometry).expect("as many as triangles at most"),
@@ -93,17 +109,19 @@ impl Geometries {
         let rays = SixColumns::new("rays", rays)?;
         let workers = threads_of(threads)?.for_items(rays.len())?;
         let chunk = CHUNK_OF_A_THREAD * workers.number();
+        let any = Ray::new(Vec3::ZERO, Vec3::ZERO);
+        let [t_min, t_max] = [t_min, t_max].map(rounded);
         let (mut some, mut answers) = (Vec::new(), Vec::new());
         for start in (0..rays.len()).step_by(chunk) {
-            some.clear();
-            rays.for_each(
-                start,
-                chunk.min(rays.len() - start),
-                |[a, b, c, x, y, z]| {
-                    let ray = Ray::new([a, b, c], [x, y, z]);
-                    some.push(ray.with_range(rounded(t_min), rounded(t_max)));
-                },
-            );
+            some.resize(chunk.min(rays.len() - start), any);
+            let view = rays.view();
+            fill(&mut some, workers.number(), |place, some| {
+                let mut places = some.iter_mut();
+                view.for_each(start + place, places.len(), |[a, b, c, x, y, z]| {
+                    let ray = Ray::new([a, b, c], [x, y, z]).with_range(t_min, t_max);
+                    places.next().into_iter().for_each(|place| *place = ray);
+                });
+            });
             let run = |(i, rays): (usize, &[Ray])| answer(start + i * RUN, rays);
             answers.extend(py.detach(|| match workers.are_several() {
                 true => workers.run(|| {
@@ -148,7 +166,7 @@ impl Geometries {
         let found = Self::of_rays(py, rays, [0.0, f64::INFINITY], threads, |_, rays| {
             let mut hits = vec![None; rays.len()];
             tree.intersect_batch(rays, &mut hits);
-            let mut columns = Columns::default();
+            let mut columns = Columns::with_room_for(hits.len(), true);
             for hit in &hits {
                 self.push(
                     &mut columns,
@@ -160,9 +178,18 @@ impl Geometries {
             (hits.iter().map(t).collect::<Vec<f32>>(), columns)
         })?;
         let (t, columns): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        let [geometries, triangles] = names_of(py, &columns)?;
-        let (weights, normals) = (weights_of(py, &columns)?, normals_of(py, &columns)?);
-        Ok((joined(py, &t)?, geometries, triangles, weights, normals))
+        let [geometries, triangles] = names_of(py, &columns, threads)?;
+        let (weights, normals) = (
+            weights_of(py, &columns, threads)?,
+            normals_of(py, &columns, threads)?,
+        );
+        Ok((
+            joined(py, &t, threads_of(threads)?.most())?,
+            geometries,
+            triangles,
+            weights,
+            normals,
+        ))
     }
 
     /// Whether there is any hit between the ends.
@@ -180,7 +207,7 @@ impl Geometries {
             tree.occluded_batch(rays, &mut occluded);
             occluded
         })?;
-        joined(py, &found)
+        joined(py, &found, threads_of(threads)?.most())
     }
 
     /// Numbers of crossings.
@@ -201,7 +228,7 @@ impl Geometries {
             });
             counts.collect::<Vec<i32>>()
         })?;
-        joined(py, &found)
+        joined(py, &found, threads_of(threads)?.most())
     }
 
     /// Crossings: where those of each ray begin, and in the end their number; rays, t, geometries, triangles, weights (M, 2).
@@ -214,7 +241,8 @@ impl Geometries {
         let tree = &self.tree.get().tree;
         let found = Self::of_rays(py, rays, [0.0, f64::INFINITY], threads, |first, rays| {
             let lists = crossings(tree, rays, usize::MAX, false);
-            let (mut columns, mut owners) = (Columns::default(), Vec::new());
+            let mut columns = Columns::with_room_for(lists.hits.len(), false);
+            let mut owners = Vec::with_capacity(lists.hits.len());
             let mut start = 0;
             for (ray, &end) in lists.ends.iter().enumerate() {
                 let ray = u32::try_from(first + ray).unwrap_or(u32::MAX);
@@ -250,12 +278,12 @@ impl Geometries {
             t.push(at);
             columns.push(column);
         }
-        let [geometries, triangles] = names_of(py, &columns)?;
-        let weights = weights_of(py, &columns)?;
+        let [geometries, triangles] = names_of(py, &columns, threads)?;
+        let weights = weights_of(py, &columns, threads)?;
         Ok((
             splits,
-            joined(py, &owners)?,
-            joined(py, &t)?,
+            joined(py, &owners, threads_of(threads)?.most())?,
+            joined(py, &t, threads_of(threads)?.most())?,
             geometries,
             triangles,
             weights,
@@ -284,7 +312,8 @@ impl Geometries {
                         .tree
                         .closest_point_batch(points, f32::INFINITY, &mut found),
                 });
-                let (mut places, mut columns) = (Vec::new(), Columns::default());
+                let mut places = Vec::with_capacity(3 * found.len());
+                let mut columns = Columns::with_room_for(found.len(), true);
                 for nearest in &found {
                     let point = nearest.map_or(Vec3::NAN, |nearest| nearest.point);
                     places.extend(point.to_array());
@@ -296,10 +325,13 @@ impl Geometries {
             Ok(())
         })?;
         let (places, columns): (Vec<Vec<f32>>, Vec<_>) = all.into_iter().unzip();
-        let [geometries, triangles] = names_of(py, &columns)?;
+        let [geometries, triangles] = names_of(py, &columns, threads)?;
         let rows = places.iter().map(Vec::len).sum::<usize>() / 3;
-        let places = joined(py, &places)?.reshape([rows, 3])?;
-        let (weights, normals) = (weights_of(py, &columns)?, normals_of(py, &columns)?);
+        let places = joined(py, &places, threads_of(threads)?.most())?.reshape([rows, 3])?;
+        let (weights, normals) = (
+            weights_of(py, &columns, threads)?,
+            normals_of(py, &columns, threads)?,
+        );
         Ok((places, geometries, triangles, weights, normals))
     }
 }
@@ -335,20 +367,35 @@ fn threads_of(threads: usize) -> PyResult<Threads> {
     Threads::new((threads > 0).then_some(threads))
 }
 
-fn names_of<'py>(py: Python<'py>, columns: &[Columns]) -> PyResult<[Indices<'py>; 2]> {
+fn names_of<'py>(
+    py: Python<'py>,
+    columns: &[Columns],
+    threads: usize,
+) -> PyResult<[Indices<'py>; 2]> {
     let geometries: Vec<&[u32]> = columns.iter().map(|own| &own.geometries[..]).collect();
     let triangles: Vec<&[u32]> = columns.iter().map(|own| &own.triangles[..]).collect();
-    Ok([joined(py, &geometries)?, joined(py, &triangles)?])
+    Ok([
+        joined(py, &geometries, threads_of(threads)?.most())?,
+        joined(py, &triangles, threads_of(threads)?.most())?,
+    ])
 }
 
-fn weights_of<'py>(py: Python<'py>, columns: &[Columns]) -> PyResult<FloatRows<'py>> {
+fn weights_of<'py>(
+    py: Python<'py>,
+    columns: &[Columns],
+    threads: usize,
+) -> PyResult<FloatRows<'py>> {
     let weights: Vec<&[f32]> = columns.iter().map(|own| &own.weights[..]).collect();
     let rows = weights.iter().map(|own| own.len()).sum::<usize>() / 2;
-    joined(py, &weights)?.reshape([rows, 2])
+    joined(py, &weights, threads_of(threads)?.most())?.reshape([rows, 2])
 }
 
-fn normals_of<'py>(py: Python<'py>, columns: &[Columns]) -> PyResult<FloatRows<'py>> {
+fn normals_of<'py>(
+    py: Python<'py>,
+    columns: &[Columns],
+    threads: usize,
+) -> PyResult<FloatRows<'py>> {
     let normals: Vec<&[f32]> = columns.iter().map(|own| &own.normals[..]).collect();
     let rows = normals.iter().map(|own| own.len()).sum::<usize>() / 3;
-    joined(py, &normals)?.reshape([rows, 3])
+    joined(py, &normals, threads_of(threads)?.most())?.reshape([rows, 3])
 }

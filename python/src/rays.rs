@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use kd::glam::DVec3;
+use kd::glam::{DVec3, Vec3};
 use kd::{Culling, Ray};
 use numpy::ndarray::ArrayView2;
 use pyo3::prelude::*;
 
 use crate::arrays::{Bits, Numbers, Rows, RowsView};
 use crate::errors::wrong_value;
-use crate::threads::Workers;
+use crate::threads::{Workers, fill};
 
 /// Rays that are converted together: few enough to stay in a cache, and many enough for all threads. Signals are looked at between.
 const CHUNK_OF_A_THREAD: usize = 1 << 16;
@@ -85,71 +85,85 @@ impl<'py> Rays<'py> {
         workers: &Workers,
         mut work: impl FnMut(usize, &[Ray]) -> PyResult<()>,
     ) -> PyResult<()> {
+        let any = Ray::new(Vec3::ZERO, Vec3::ZERO);
         let mut rays = Vec::new();
         let chunk = (workers.number() * CHUNK_OF_A_THREAD).min(MOST_OF_A_CHUNK);
         for start in (0..self.len).step_by(chunk) {
-            self.put(start, chunk.min(self.len - start), &mut rays);
+            rays.resize(chunk.min(self.len - start), any);
+            self.put(start, &mut rays, workers.number());
             work(start, &rays)?;
             py.check_signals()?;
         }
         Ok(())
     }
 
-    /// Replaces `rays` by `count` rays from `start` on, in one pass over the arrays.
-    fn put(&self, start: usize, count: usize, rays: &mut Vec<Ray>) {
+    /// Writes the rays from `start` on, in one pass over the arrays.
+    fn put(&self, start: usize, rays: &mut [Ray], threads: usize) {
         match self.origins.view() {
-            RowsView::Single(origins) => self.put_from(&origins, start, count, rays),
-            RowsView::Double(origins) => self.put_from(&origins, start, count, rays),
+            RowsView::Single(origins) => self.put_from(&origins, start, rays, threads),
+            RowsView::Double(origins) => self.put_from(&origins, start, rays, threads),
         }
     }
 
-    fn put_from<O: Copy + Into<f64>>(
+    fn put_from<O: Number>(
         &self,
         origins: &ArrayView2<'_, O>,
         start: usize,
-        count: usize,
-        rays: &mut Vec<Ray>,
+        rays: &mut [Ray],
+        threads: usize,
     ) {
         match self.directions.view() {
-            RowsView::Single(directions) => self.put_both(origins, &directions, start, count, rays),
-            RowsView::Double(directions) => self.put_both(origins, &directions, start, count, rays),
+            RowsView::Single(directions) => {
+                self.put_both(origins, &directions, start, rays, threads);
+            }
+            RowsView::Double(directions) => {
+                self.put_both(origins, &directions, start, rays, threads);
+            }
         }
     }
 
-    fn put_both<O: Copy + Into<f64>, D: Copy + Into<f64>>(
+    fn put_both<O: Number, D: Number>(
         &self,
         origins: &ArrayView2<'_, O>,
         directions: &ArrayView2<'_, D>,
         start: usize,
-        count: usize,
-        rays: &mut Vec<Ray>,
+        rays: &mut [Ray],
+        threads: usize,
     ) {
-        let (zero, culling) = (self.zero, self.culling);
+        let (zero, culling, mask) = (self.zero, self.culling, &self.mask);
         let (t_min, t_max) = (self.t_min.view(), self.t_max.view());
         let ray = |i: usize, origin: [f64; 3], direction: [f64; 3]| Ray {
             origin: (DVec3::from(origin) - zero).as_vec3(),
             direction: DVec3::from(direction).as_vec3(),
-            t_min: rounded(t_min.at(start + i)),
-            t_max: rounded(t_max.at(start + i)),
-            mask: self.mask.at(start + i),
+            t_min: rounded(t_min.at(i)),
+            t_max: rounded(t_max.at(i)),
+            mask: mask.at(i),
             culling,
         };
-        rays.clear();
-        let range = start..start + count;
-        if let Some(origins) = whole_rows(origins, &range)
-            && let Some(directions) = whole_rows(directions, &range)
-        {
-            let rows = origins.iter().zip(directions).enumerate();
-            rays.extend(rows.map(|(i, (origin, direction))| {
-                ray(i, origin.map(Into::into), direction.map(Into::into))
-            }));
-            return;
-        }
-        rays.extend(
-            (0..count).map(|i| ray(i, row(origins, start + i), row(directions, start + i))),
-        );
+        fill(rays, threads, |place, rays| {
+            let range = start + place..start + place + rays.len();
+            if let Some(origins) = whole_rows(origins, &range)
+                && let Some(directions) = whole_rows(directions, &range)
+            {
+                let rows = range.zip(origins.iter().zip(directions));
+                for (place, (i, (origin, direction))) in rays.iter_mut().zip(rows) {
+                    *place = ray(i, origin.map(Into::into), direction.map(Into::into));
+                }
+                return;
+            }
+            for (place, i) in rays.iter_mut().zip(range) {
+                *place = ray(i, row(origins, i), row(directions, i));
+            }
+        });
     }
 }
+
+/// A float of an array.
+trait Number: Copy + Into<f64> + Sync {}
+
+impl Number for f32 {}
+
+impl Number for f64 {}
 
 /// Rows without gaps between them; `None` also where one row serves all.
 fn whole_rows<'a, T>(rows: &'a ArrayView2<'_, T>, range: &Range<usize>) -> Option<&'a [[T; 3]]> {

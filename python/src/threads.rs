@@ -23,6 +23,12 @@ pub(crate) struct Threads(Option<usize>);
 
 /// Rays or points that one thread answers sooner than others wake up.
 const FEW: usize = 256;
+/// Rows of an array that take longer to read than a thread takes to start.
+const LEAST_OF_A_PIECE: usize = 1 << 14;
+/// Threads that read arrays as fast as memory lets them.
+const MOST_PIECES: usize = 8;
+/// Runs of rays whose answers take longer to copy than a thread takes to start.
+const LEAST_ITEMS: usize = 16;
 /// The time between two looks at signals and progress.
 const TICK: Duration = Duration::from_millis(40);
 
@@ -45,14 +51,18 @@ impl Threads {
         self.0
     }
 
+    /// How many threads there are at most.
+    pub(crate) fn most(self) -> usize {
+        let cores = || thread::available_parallelism().map_or(1, usize::from);
+        self.0.unwrap_or_else(cores)
+    }
+
     /// Those who answer `items` rays or points. Called with the interpreter's lock held.
     pub(crate) fn for_items(self, items: usize) -> PyResult<Workers> {
         if self.0 == Some(1) || items < FEW {
             return Ok(Workers(None));
         }
-        let number = self
-            .0
-            .unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from));
+        let number = self.most();
         if number == 1 {
             return Ok(Workers(None));
         }
@@ -122,6 +132,56 @@ fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
     let pool = Arc::new(pool);
     by_number.insert(threads, Arc::clone(&pool));
     Ok(pool)
+}
+
+/// Fills memory in pieces on some threads, the calling one among them. `fill` gets the place of a piece.
+///
+/// For reading arrays while the interpreter's lock is held: pools may be busy with the work of other threads, for as long as that takes.
+pub(crate) fn fill<T: Send>(
+    memory: &mut [T],
+    threads: usize,
+    fill: impl Fn(usize, &mut [T]) + Sync,
+) {
+    let pieces = threads
+        .min(memory.len() / LEAST_OF_A_PIECE)
+        .min(MOST_PIECES);
+    if pieces <= 1 {
+        fill(0, memory);
+        return;
+    }
+    let len = memory.len().div_ceil(pieces);
+    thread::scope(|scope| {
+        let mut pieces = (0..).step_by(len).zip(memory.chunks_mut(len));
+        let own = pieces.next();
+        let fill = &fill;
+        for (start, piece) in pieces {
+            scope.spawn(move || fill(start, piece));
+        }
+        if let Some((start, piece)) = own {
+            fill(start, piece);
+        }
+    });
+}
+
+/// Does small work for each item on some threads, the calling one among them; for a few items on that one only.
+pub(crate) fn each_on_threads<T: Send>(
+    items: &mut [T],
+    threads: usize,
+    work: impl Fn(&mut T) + Sync,
+) {
+    let len = items
+        .len()
+        .div_ceil(threads.clamp(1, MOST_PIECES))
+        .max(LEAST_ITEMS);
+    thread::scope(|scope| {
+        let mut pieces = items.chunks_mut(len);
+        let own = pieces.next();
+        let work = &work;
+        for piece in pieces {
+            scope.spawn(move || piece.iter_mut().for_each(work));
+        }
+        own.into_iter().flatten().for_each(work);
+    });
 }
 
 /// Does long work on a thread of its own, without the interpreter's lock, while the calling thread looks at signals and reports

@@ -11,6 +11,7 @@ use crate::crossings::crossings;
 use crate::errors::wrong_value;
 use crate::kd_tree::PyKdTree;
 use crate::lists::Lists;
+use crate::threads::fill;
 
 /// Rays of one task.
 const RUN: usize = 4096;
@@ -44,7 +45,7 @@ struct Given {
 }
 
 /// Hits of some rays.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Found {
     triangles: Vec<i64>,
     rays: Vec<i64>,
@@ -52,6 +53,11 @@ struct Found {
 }
 
 impl Intersector {
+    /// Threads that copy results.
+    fn threads(&self) -> usize {
+        self.tree.get().threads.most()
+    }
+
     /// The ray as the tree traces it.
     fn ray(&self, given: &Given, zero: DVec3) -> Ray {
         let Given {
@@ -80,7 +86,8 @@ impl Intersector {
         let [a, b, c] = corners.map(|i| DVec3::from(self.vertices[i as usize]));
         let normal = (b - a).cross(c - a);
         let slope = normal.dot(given.direction);
-        if slope.abs() > LEAST_SLOPE * normal.length() * given.direction.length() {
+        let largest = normal.length_squared() * given.direction.length_squared();
+        if slope * slope > LEAST_SLOPE * LEAST_SLOPE * largest {
             let t = normal.dot(a - given.origin) / slope;
             return (given.origin + t * given.direction).to_array();
         }
@@ -93,7 +100,7 @@ impl Intersector {
         py: Python<'_>,
         origins: &Bound<'_, PyAny>,
         directions: &Bound<'_, PyAny>,
-        chunk: usize,
+        threads: usize,
         mut work: impl FnMut(usize, &[Given]),
     ) -> PyResult<usize> {
         let origins = Rows::new("ray_origins", origins)?;
@@ -104,17 +111,21 @@ impl Intersector {
             return Err(wrong_value("ray_directions", problem));
         }
         let mut given = Vec::new();
+        let chunk = CHUNK_OF_A_THREAD * threads;
         for start in (0..len).step_by(chunk) {
             let count = chunk.min(len - start);
-            given.clear();
-            origins.view().for_each(start, count, |_, origin| {
-                given.push(Given {
-                    origin: origin.into(),
-                    direction: DVec3::ZERO,
+            let nothing = Given {
+                origin: DVec3::ZERO,
+                direction: DVec3::ZERO,
+            };
+            given.resize(count, nothing);
+            let (origins, directions) = (origins.view(), directions.view());
+            fill(&mut given, threads, |place, given| {
+                let (first, count) = (start + place, given.len());
+                origins.for_each(first, count, |i, origin| given[i].origin = origin.into());
+                directions.for_each(first, count, |i, direction| {
+                    given[i].direction = direction.into();
                 });
-            });
-            directions.view().for_each(start, count, |i, direction| {
-                given[i].direction = direction.into();
             });
             work(start, &given);
             py.check_signals()?;
@@ -132,9 +143,8 @@ impl Intersector {
     ) -> PyResult<Vec<A>> {
         let tree = self.tree.get();
         let workers = tree.threads.for_build()?;
-        let chunk = CHUNK_OF_A_THREAD * workers.number();
         let mut answers = Vec::new();
-        Self::for_each_chunk(py, origins, directions, chunk, |start, given| {
+        Self::for_each_chunk(py, origins, directions, workers.number(), |start, given| {
             let run = |(i, given): (usize, &[Given])| {
                 let rays: Vec<Ray> = given
                     .iter()
@@ -196,7 +206,7 @@ impl Intersector {
             let triangle = |hit: Option<Hit>| hit.map_or(-1, |hit| hit.triangle.cast_signed());
             hits.into_iter().map(triangle).collect::<Vec<i32>>()
         })?;
-        joined(py, &found)
+        joined(py, &found, self.threads())
     }
 
     /// Whether each ray hits anything: a bool array of shape (N,).
@@ -212,7 +222,7 @@ impl Intersector {
             tree.occluded_batch(rays, &mut occluded);
             occluded
         })?;
-        joined(py, &found)
+        joined(py, &found, self.threads())
     }
 
     /// The closest hits, or the first ``max`` crossings if ``multiple``: rows of ``faces``, rays, and places if they are asked for.
@@ -232,7 +242,12 @@ impl Intersector {
             } else {
                 closest(tree, rays, max)
             };
-            let mut found = Found::default();
+            let hits = lists.hits.len();
+            let mut found = Found {
+                triangles: Vec::with_capacity(hits),
+                rays: Vec::with_capacity(hits),
+                places: Vec::with_capacity(if with_places { hits } else { 0 }),
+            };
             let mut start = 0;
             for (i, &end) in lists.ends.iter().enumerate() {
                 let ray = i64::try_from(first + i).expect("arrays have fewer rows");
@@ -253,15 +268,15 @@ impl Intersector {
             .iter()
             .map(|found| found.places.as_flattened())
             .collect();
-        let places = joined(py, &places)?;
+        let places = joined(py, &places, self.threads())?;
         let rows = if with_places {
             found.iter().map(|found| found.places.len()).sum()
         } else {
             0
         };
         Ok((
-            joined(py, &triangles)?,
-            joined(py, &rays)?,
+            joined(py, &triangles, self.threads())?,
+            joined(py, &rays, self.threads())?,
             places.reshape([rows, 3])?,
         ))
     }
