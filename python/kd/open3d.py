@@ -218,8 +218,11 @@ def _rays_of_view(
 
 
 def _checked(vertices: ArrayLike, triangles: ArrayLike) -> tuple[NDArray[np.float32], NDArray[Any]]:
+    given = np.asarray(vertices)
+    if given.dtype.kind not in "fiu":
+        raise TypeError(f"vertices: expected floats, got an array of dtype {given.dtype}")
     with np.errstate(over="ignore"):
-        positions = np.array(vertices, np.float32).reshape(-1, 3)
+        positions = given.astype(np.float32).reshape(-1, 3)
     faces = np.array(triangles).reshape(-1, 3)
     if not np.issubdtype(faces.dtype, np.integer) and faces.size:
         raise TypeError(f"triangles: expected integers, got an array of dtype {faces.dtype}")

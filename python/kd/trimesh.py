@@ -15,11 +15,15 @@ Two queries return what embreex does not promise:
 - Hits are ordered by ray, then along the ray.
 """
 
+from __future__ import annotations
+
 import sys
+from typing import Any
 
 import numpy as np
 import trimesh
 import trimesh.ray
+from numpy.typing import ArrayLike, NDArray
 from trimesh import caching
 from trimesh.ray import ray_util
 
@@ -39,24 +43,26 @@ class RayMeshIntersector:
         Accepted, and without effect: answers are exact at any scale.
     """
 
-    def __init__(self, geometry, scale_to_box=True):
+    def __init__(self, geometry: trimesh.Trimesh, scale_to_box: bool = True) -> None:
         self.mesh = geometry
         self._scale_to_box = scale_to_box
         self._cache = caching.Cache(id_function=self.mesh.__hash__)
 
     @caching.cache_decorator
-    def _tree(self):
+    def _tree(self) -> KdTree:
         return KdTree(np.asarray(self.mesh.vertices, np.float64), np.asarray(self.mesh.faces))
 
     @caching.cache_decorator
-    def _intersector(self):
+    def _intersector(self) -> Intersector:
         return Intersector(self._tree, np.asarray(self.mesh.vertices, np.float64))
 
     @caching.cache_decorator
-    def _is_closed(self):
+    def _is_closed(self) -> bool:
         return self._tree.is_closed
 
-    def intersects_location(self, ray_origins, ray_directions, multiple_hits=True):
+    def intersects_location(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
         """Where rays hit the surface.
 
         Returns
@@ -72,12 +78,12 @@ class RayMeshIntersector:
 
     def intersects_id(
         self,
-        ray_origins,
-        ray_directions,
-        multiple_hits=True,
-        max_hits=100,
-        return_locations=False,
-    ):
+        ray_origins: ArrayLike,
+        ray_directions: ArrayLike,
+        multiple_hits: bool = True,
+        max_hits: int = 100,
+        return_locations: bool = False,
+    ) -> tuple[NDArray[Any], ...]:
         """The faces that rays hit: the first one of each ray, or all crossings, at most ``max_hits`` of a ray.
 
         Returns
@@ -95,15 +101,15 @@ class RayMeshIntersector:
             return index_tri, index_ray, locations
         return index_tri, index_ray
 
-    def intersects_first(self, ray_origins, ray_directions):
+    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int32]:
         """The face that each ray hits first, -1 for a miss: (n,) int32. The lower one where several are hit at the same distance."""
         return self._intersector.first(*_rays(ray_origins, ray_directions))
 
-    def intersects_any(self, ray_origins, ray_directions):
+    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
         """Whether each ray hits the surface: (n,) bool."""
         return self._intersector.any(*_rays(ray_origins, ray_directions))
 
-    def contains_points(self, points):
+    def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether points are inside of the mesh: (n,) bool.
 
         Exact where the mesh is closed; points on the surface are inside. On open meshes the answer is trimesh's own, by the parity of the
@@ -116,24 +122,24 @@ class RayMeshIntersector:
             return self._tree.contains(points)
         return ray_util.contains_points(self, points)
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         state = self.__dict__.copy()
         # The tree is built again from the mesh.
         state.pop("_cache", None)
         return state
 
-    def __setstate__(self, state):
+    def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._cache = caching.Cache(id_function=self.mesh.__hash__)
 
-    def __copy__(self, *_):
+    def __copy__(self, *_: Any) -> RayMeshIntersector:
         return RayMeshIntersector(self.mesh, self._scale_to_box)
 
-    def __deepcopy__(self, *_):
+    def __deepcopy__(self, *_: Any) -> RayMeshIntersector:
         return self.__copy__()
 
 
-def _rays(origins, directions):
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
     origins = np.asanyarray(origins)
     directions = np.asanyarray(directions)
     if origins.shape != directions.shape:
@@ -141,7 +147,7 @@ def _rays(origins, directions):
     return origins, directions
 
 
-def install():
+def install() -> None:
     """Makes trimesh use this module for all meshes that are made from now on.
 
     It takes the place of ``trimesh.ray.ray_pyembree``, whether embreex is there or not, and sets ``trimesh.ray.has_embree``, so that

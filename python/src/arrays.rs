@@ -1,7 +1,9 @@
 //! Arrays of NumPy, as arguments and as results.
 //!
 //! Arguments are read while the calling thread holds the interpreter's lock, and copied to the library's own types: nothing refers to
-//! an array once the lock is released, so that other threads of Python may write to it.
+//! an array once the lock is released, so that other threads of Python may write to it. NumPy writes some arrays without the lock; a query
+//! at the same moment sees old and new numbers mixed. Each number is read once and checked after it was copied, so that no mixture is out of
+//! range.
 
 use numpy::ndarray::{ArrayView1, ArrayView2};
 use numpy::{

@@ -145,6 +145,7 @@ REFUSED = [
     (lambda s: s.add_triangles([[0, 0, 0]], [[0, 0, 0], [0, 0, -1]]), ValueError, "triangles: row 1"),
     (lambda s: s.add_triangles([[0, 0, 0]], [[0, 0, 0.5]]), TypeError, "triangles: expected integers"),
     (lambda s: s.add_triangles([[0, 0, 1e39]], [[0, 0, 0]]), ValueError, "vertices: row 0"),
+    (lambda s: s.add_triangles(np.zeros((1, 3), complex), [[0, 0, 0]]), TypeError, "vertices: .* complex"),
     (lambda s: s.add_triangles([[0, 0, 0]]), TypeError, "vertices: "),
     (lambda s: s.create_rays_pinhole(np.eye(4), np.eye(4), 2, 2), ValueError, "intrinsic_matrix: "),
     (lambda s: kd._kd.Geometries(kd.KdTree([[0, 0, 0]], [[0, 0, 0]]), []), ValueError, "starts: "),

@@ -118,7 +118,7 @@ fn documents(root: &Path) -> Result<Vec<Document>, String> {
 /// Every Rust source of the workspace.
 fn sources(root: &Path) -> Result<Vec<Document>, String> {
     let mut paths = Vec::new();
-    for folder in ["crates", "benches", "xtask", "fuzz"] {
+    for folder in ["crates", "benches", "xtask", "fuzz", "python"] {
         collect(&root.join(folder), "rs", &mut paths)?;
     }
     read(root, paths)

@@ -11,6 +11,7 @@ const FOLDERS: &[&str] = &[
     "crates/",
     "docs/",
     "fuzz/",
+    "python/",
     "testdata/",
     "xtask/",
 ];
