@@ -11,13 +11,15 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(os.environ.get("KD_REPOSITORY", Path(__file__).parents[2]))
-DOCUMENTS = ["docs/python.md", "README.md", "python/README.md"]
+DOCUMENTS = ["docs/python.md", "docs/clusters.md", "README.md", "python/README.md"]
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_blocks_run(name):
     if name == "docs/python.md":
         pytest.importorskip("trimesh")
+    if name == "docs/clusters.md":
+        pytest.importorskip("dask.array")
     text = (REPOSITORY / name).read_text()
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert blocks
