@@ -161,3 +161,68 @@ pub(crate) fn entries(bytes: &[u8], file: &str) -> Result<Vec<Entry>, FileError>
     entries.sort_by_key(|entry| entry.section);
     Ok(entries)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::section::SectionKind;
+
+    fn entry(part: u32, offset: u64, elements: u64) -> Entry {
+        Entry {
+            section: Section::new(SectionKind::Positions, part),
+            offset,
+            elements,
+            element_bytes: 12,
+            checksum: 7,
+        }
+    }
+
+    fn read(entries: &[Entry], file_bytes: u64) -> Result<Vec<Entry>, FileError> {
+        let bytes = to_bytes(entries, file_bytes);
+        let end = table_end(&bytes[..HEADER_BYTES], file_bytes, "t")?;
+        assert_eq!(end, bytes.len() as u64, "header and table");
+        super::entries(&bytes, "t")
+    }
+
+    #[test]
+    fn a_table_reads_as_it_was_written() {
+        let table = [entry(2, 192, 5), entry(1, 256, 0), entry(3, 256, 6)];
+        let sorted = [table[1], table[0], table[2]];
+        assert_eq!(read(&table, 384).expect("valid"), sorted, "by name");
+        assert_eq!(read(&[], 64).expect("valid"), [], "no sections");
+    }
+
+    #[test]
+    fn sections_that_cannot_be_are_refused() {
+        let good = entry(1, 128, 5);
+        assert!(read(&[good], 192).is_ok(), "the base of the others");
+        for (bad, file_bytes) in [
+            (entry(1, 64, 5), 192),
+            (entry(1, 192, 5), 256),
+            (entry(1, 128, 6), 192),
+            (entry(1, 128, 4), 256),
+            (entry(1, 128, u64::MAX / 12), 192),
+            (entry(1, 128, u64::MAX), 192),
+            (entry(1, u64::MAX - 63, 5), 192),
+            (
+                Entry {
+                    element_bytes: 0,
+                    ..good
+                },
+                192,
+            ),
+        ] {
+            let error = read(&[bad], file_bytes).expect_err("bad");
+            let is_damaged = matches!(error, FileError::DamagedHeader { .. });
+            assert!(is_damaged, "{bad:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_table_longer_than_its_file_is_refused() {
+        let mut bytes = to_bytes(&[], 64);
+        bytes[24..28].copy_from_slice(&1000_u32.to_le_bytes());
+        let error = table_end(&bytes, 64, "t").expect_err("1000 sections in 64 bytes");
+        assert_eq!(error.to_string(), "t: the header is damaged");
+    }
+}
