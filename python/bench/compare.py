@@ -90,9 +90,9 @@ def engines():
     found, missing = {}, []
     found["kd, trimesh"] = lambda mesh: ThroughTrimesh(kd.trimesh.RayMeshIntersector, mesh)
     try:
-        from trimesh.ray import ray_pyembree
-
-        found["embreex, trimesh"] = lambda mesh: ThroughTrimesh(ray_pyembree.RayMeshIntersector, mesh)
+        # trimesh keeps the error of a missing embreex until the name is used.
+        embree = trimesh.ray.ray_pyembree.RayMeshIntersector
+        found["embreex, trimesh"] = lambda mesh: ThroughTrimesh(embree, mesh)
     except BaseException as error:
         missing.append(f"embreex: {error}")
     ours = lambda: (kd.open3d.RaycastingScene(), np.asarray, np.asarray)  # noqa: E731

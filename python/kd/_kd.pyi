@@ -17,6 +17,7 @@ __all__ = [
     "KdTree",
     "Scene",
     "TriangleLists",
+    "__version__",
     "_hit_lists",
     "_hits",
     "_kd_tree",

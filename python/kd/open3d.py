@@ -247,6 +247,10 @@ def _flat(values: ArrayLike, columns: int, argument: str) -> tuple[tuple[int, ..
     array = np.asarray(values)
     if array.ndim == 0 or array.shape[-1] != columns:
         raise ValueError(f"{argument}: expected an array of shape (..., {columns}), got {array.shape}")
+    if columns == 6 and array.dtype == np.float64:
+        # Numbers beyond float32 become infinite, and their rays misses.
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float32)
     return array.shape[:-1], array.reshape(-1, columns)
 
 

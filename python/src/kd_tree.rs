@@ -1,8 +1,7 @@
 //! `kd.KdTree`: a mesh and what rays through it traverse.
 #![allow(
     clippy::too_many_arguments,
-    clippy::match_bool,
-    reason = "the arguments of Python's methods; two forms of each query side by side"
+    reason = "the arguments of Python's methods"
 )]
 
 use std::path::PathBuf;

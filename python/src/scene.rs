@@ -1,8 +1,7 @@
 //! `kd.Scene` and `kd.Frame`: static and moving parts, traced together.
 #![allow(
     clippy::too_many_arguments,
-    clippy::match_bool,
-    reason = "the arguments of Python's methods; two forms of each query side by side"
+    reason = "the arguments of Python's methods"
 )]
 
 use std::sync::Arc;

@@ -81,13 +81,19 @@ def test_far_origins_and_scales_take_no_precision():
             mesh.apply_scale(scale)
             mesh.apply_translation(np.multiply(shift, scale))
             center = np.multiply(shift, scale)
-            direction = trimesh.unitize(np.random.default_rng(5).normal(size=(500, 3)))
+            rng = np.random.default_rng(5)
+            direction = trimesh.unitize(rng.normal(size=(500, 3)))
+            beside = trimesh.unitize(np.cross(direction, rng.normal(size=(500, 3)))) * scale
+            ray = kd.trimesh.RayMeshIntersector(mesh)
             for distance in (1.5, 1e3, 1e7):
-                origins = center - distance * scale * direction
-                found = kd.trimesh.RayMeshIntersector(mesh).intersects_location(origins, direction)
-                assert np.array_equal(found[1], np.repeat(np.arange(500), 2)), (scale, shift, distance)
-                behind = kd.trimesh.RayMeshIntersector(mesh).intersects_any(origins, -direction)
-                assert not behind.any()
+                # 3 % inside of the sphere, and 3 % outside.
+                origins = center + 0.96 * beside - distance * scale * direction
+                locations, index_ray, _ = ray.intersects_location(origins, direction)
+                assert np.array_equal(index_ray, np.repeat(np.arange(500), 2)), (scale, shift, distance)
+                radius = np.linalg.norm(locations - center, axis=1) / scale
+                assert (np.abs(radius - 0.995) < 0.006).all(), (scale, shift, distance)
+                assert not ray.intersects_any(origins, -direction).any()
+                assert not ray.intersects_any(origins + 0.05 * beside, direction).any()
 
 
 def test_a_tiny_box_from_far_away():

@@ -209,7 +209,7 @@ impl TriangleTest {
     /// reported.
     #[inline(always)]
     pub fn decide(&self, corners: [Vec3; 3], triangle: u32) -> Option<Hit> {
-        let from_origin = self.seen_from_origin(corners);
+        let from_origin = self.corners_from_origin(corners);
         let range = [self.t_min, self.t_max];
         self.view.hit(from_origin, range, self.culling, triangle)
     }
@@ -219,14 +219,14 @@ impl TriangleTest {
     /// products in it are exact.
     #[inline]
     pub fn places(&self, corners: [Vec3; 3]) -> [[f64; 2]; 3] {
-        let sight = self.view.sight(self.seen_from_origin(corners));
+        let sight = self.view.sight(self.corners_from_origin(corners));
         let [Three(x), Three(y)] = sight.deciding_places();
         [0, 1, 2].map(|corner| [x[corner], y[corner]])
     }
 
     /// Corners from the origin of the ray: across, across and along.
     #[inline(always)]
-    fn seen_from_origin(&self, corners: [Vec3; 3]) -> [Three<f64>; 3] {
+    fn corners_from_origin(&self, corners: [Vec3; 3]) -> [Three<f64>; 3] {
         let [a, b, c] = each(corners, |corner| corner.to_array());
         each(self.axes(), |axis| {
             let axis = axis.index();
@@ -309,6 +309,32 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn places_tell_which_edges_a_ray_passes() {
+        let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 3.0]].map(Vec3::from_array);
+        let places = |origin: [f32; 3], direction: [f32; 3]| {
+            let ray = Ray::new(origin, direction);
+            TriangleTest::new(&ray, f32::INFINITY).places(corners)
+        };
+        let passes = |origin| {
+            let [a, b, c] = places(origin, [0.5, 0.25, 1.0]);
+            [(b, c), (c, a), (a, b)].map(|(p, q)| p[0] * q[1] - p[1] * q[0] == 0.0)
+        };
+        assert_eq!(passes([-0.25, 0.25, -1.0]), [false; 3], "inside");
+        assert_eq!(
+            passes([1.0, -0.25, 0.0]),
+            [false, false, true],
+            "on an edge"
+        );
+        assert_eq!(
+            passes([-0.5, -0.25, 0.0]),
+            [false, true, true],
+            "through a corner"
+        );
+        let beside = places([-0.5, -0.25, 0.0], [0.5, 0.25, 1.0]);
+        assert_eq!(beside[0], [0.0, 0.0], "the corner is where the ray is");
+    }
 
     /// A point in [-1, 1]³, on a lattice or not.
     fn point() -> impl Strategy<Value = Vec3> {
