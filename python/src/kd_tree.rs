@@ -143,7 +143,7 @@ impl PyKdTree {
                 false => self.tree.triangles_in_box_batch(boxes),
             })
         });
-        triangles_of(py, &lists)
+        triangles_of(py, &lists, false, |triangle| (triangle, 0))
     }
 
     fn triangles_in_spheres_of(
@@ -158,7 +158,7 @@ impl PyKdTree {
                 false => self.tree.triangles_in_sphere_batch(spheres),
             })
         });
-        triangles_of(py, &lists)
+        triangles_of(py, &lists, false, |triangle| (triangle, 0))
     }
 }
 
@@ -262,23 +262,6 @@ with_queries! {
             self.traced().lists(py, &rays, |rays, is_parallel| {
                 crossings(&self.tree, rays, max, is_parallel)
             })
-        }
-
-        /// The generalized winding number of each point: a float64 array of shape (N,). 1 inside of a closed surface whose triangles are
-        /// counter-clockwise from outside, 0 outside; ``> 0.5`` is a robust *inside* for meshes with holes. Within 0.01.
-        ///
-        /// The first call prepares a hierarchy, which takes about as long as a fast build.
-        fn winding_number<'py>(
-            &self,
-            py: Python<'py>,
-            points: &Bound<'py, PyAny>,
-        ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-            let points = Points::new("points", points, self.zero)?;
-            let answer = |points: &[Vec3], numbers: &mut [f64], is_parallel| match is_parallel {
-                true => self.tree.par_winding_number_batch(points, numbers),
-                false => self.tree.winding_number_batch(points, numbers),
-            };
-            numbers_of(py, &points, self.threads, 0.0, answer, |number| number)
         }
 
         /// Whether the surface is closed, where :meth:`contains` is exact: each edge is used as often in one direction as in the other.

@@ -339,9 +339,14 @@ pub(crate) fn spheres(
         .collect())
 }
 
-/// The triangles of regions of one mesh.
-pub(crate) fn triangles_of(py: Python<'_>, lists: &TriangleLists) -> PyResult<TriangleArrays> {
+/// The triangles of regions. `name` gives the number of a triangle and that of its part.
+pub(crate) fn triangles_of<T: Copy>(
+    py: Python<'_>,
+    lists: &TriangleLists<T>,
+    has_parts: bool,
+    name: impl Fn(T) -> (u32, i32),
+) -> PyResult<TriangleArrays> {
     let ends: Vec<usize> = lists.starts().iter().skip(1).copied().collect();
-    let triangles = lists.triangles().iter().map(|triangle| (*triangle, 0));
-    TriangleArrays::new(py, ends.into_iter(), triangles, false)
+    let triangles: Vec<(u32, i32)> = lists.triangles().iter().map(|one| name(*one)).collect();
+    TriangleArrays::new(py, ends.into_iter(), triangles.into_iter(), has_parts)
 }

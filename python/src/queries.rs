@@ -157,6 +157,23 @@ macro_rules! with_queries {
                 numbers_of(py, &points, self.threads, None, answer, number)
             }
 
+            /// The generalized winding number of each point: a float64 array of shape (N,). 1 inside of a closed surface whose triangles are
+            /// counter-clockwise from outside, 0 outside; ``> 0.5`` is a robust *inside* for meshes with holes. Within 0.01.
+            ///
+            /// The first call prepares a hierarchy, which takes about as long as a fast build.
+            fn winding_number<'py>(
+                &self,
+                py: Python<'py>,
+                points: &Bound<'py, PyAny>,
+            ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+                let points = Points::new("points", points, self.zero)?;
+                let answer = |points: &[Vec3], numbers: &mut [f64], is_parallel| match is_parallel {
+                    true => self.answers().par_winding_number_batch(points, numbers),
+                    false => self.answers().winding_number_batch(points, numbers),
+                };
+                numbers_of(py, &points, self.threads, 0.0, answer, |number| number)
+            }
+
             /// The triangles that have a point in each closed box, as :class:`TriangleLists`.
             ///
             /// Parameters

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use kd::glam::{DAffine3, DMat3, DVec3, Vec3};
-use kd::points::Nearest;
+use kd::points::{Nearest, TriangleLists};
 use kd::scene::{CommitAction, CommitReason, CommitReport};
 use kd::{Aabb, FrameData, MergeMethod, PartId, Scene, Strategy};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -20,7 +20,7 @@ use crate::hits::{HitArrays, Hits, PartNumbers};
 use crate::mesh::PlacedMesh;
 use crate::options::Options;
 use crate::point_queries::{
-    ClosestPoints, Points, TriangleArrays, boxes, closest_points, numbers_of, spheres,
+    ClosestPoints, Points, TriangleArrays, boxes, closest_points, numbers_of, spheres, triangles_of,
 };
 use crate::queries::with_queries;
 use crate::ray_queries::Traced;
@@ -360,9 +360,14 @@ impl PyFrame {
     }
 
     fn triangles_in_boxes_of(&self, py: Python<'_>, boxes: &[Aabb]) -> PyResult<TriangleArrays> {
-        self.lists(py, boxes, |bounds, out| {
-            self.data.triangles_in_box(bounds, out);
-        })
+        let workers = self.threads.for_items(boxes.len())?;
+        let lists = py.detach(|| {
+            workers.run(|| match workers.are_several() {
+                true => self.data.par_triangles_in_box_batch(boxes),
+                false => self.data.triangles_in_box_batch(boxes),
+            })
+        });
+        self.triangles_of_parts(py, &lists)
     }
 
     fn triangles_in_spheres_of(
@@ -370,31 +375,25 @@ impl PyFrame {
         py: Python<'_>,
         spheres: &[(Vec3, f32)],
     ) -> PyResult<TriangleArrays> {
-        self.lists(py, spheres, |&(center, radius), out| {
-            self.data.triangles_in_sphere(center, radius, out);
-        })
+        let workers = self.threads.for_items(spheres.len())?;
+        let lists = py.detach(|| {
+            workers.run(|| match workers.are_several() {
+                true => self.data.par_triangles_in_sphere_batch(spheres),
+                false => self.data.triangles_in_sphere_batch(spheres),
+            })
+        });
+        self.triangles_of_parts(py, &lists)
     }
 
-    fn lists<R: Sync>(
+    fn triangles_of_parts(
         &self,
         py: Python<'_>,
-        regions: &[R],
-        list: impl Fn(&R, &mut Vec<(PartId, u32)>) + Sync,
+        lists: &TriangleLists<(PartId, u32)>,
     ) -> PyResult<TriangleArrays> {
         let numbers = PartNumbers(&self.ids);
-        let (ends, triangles) = py.detach(|| {
-            let (mut ends, mut all, mut own) = (Vec::new(), Vec::new(), Vec::new());
-            for region in regions {
-                list(region, &mut own);
-                all.extend(
-                    own.iter()
-                        .map(|&(part, triangle)| (triangle, numbers.of(part))),
-                );
-                ends.push(all.len());
-            }
-            (ends, all)
-        });
-        TriangleArrays::new(py, ends.into_iter(), triangles.into_iter(), true)
+        triangles_of(py, lists, true, |(part, triangle)| {
+            (triangle, numbers.of(part))
+        })
     }
 }
 

@@ -44,6 +44,7 @@ def check(frame, parts):
     assert np.array_equal(near.part, owner[expected.triangle]) and np.array_equal(near.triangle, row[expected.triangle])
     assert np.array_equal(frame.contains(points), tree.contains(points))
     assert np.array_equal(frame.signed_distance(points), tree.signed_distance(points))
+    assert np.allclose(frame.winding_number(points), tree.winding_number(points), rtol=0, atol=0.02)
     for ours, lists in [
         (frame.triangles_in_sphere(points, 0.2), tree.triangles_in_sphere(points, 0.2)),
         (frame.triangles_in_box(points - 0.1, points + 0.1), tree.triangles_in_box(points - 0.1, points + 0.1)),

@@ -18,15 +18,15 @@ const TASK: usize = 1 << 9;
 /// Tasks whose answers are put in their places together, while they are in a cache.
 const TASKS: usize = 1 << 7;
 
-/// Lists of triangles, one after the other.
+/// Lists of triangles, one after the other: of their numbers, or of parts with numbers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct TriangleLists {
+pub struct TriangleLists<T = u32> {
     /// Where each list starts in `triangles`, and where the last one ends.
     starts: Vec<usize>,
-    triangles: Vec<u32>,
+    triangles: Vec<T>,
 }
 
-impl TriangleLists {
+impl<T> TriangleLists<T> {
     /// The number of lists.
     pub fn len(&self) -> usize {
         self.starts.len().saturating_sub(1)
@@ -42,7 +42,7 @@ impl TriangleLists {
     /// # Panics
     ///
     /// If there is no such list.
-    pub fn list(&self, number: usize) -> &[u32] {
+    pub fn list(&self, number: usize) -> &[T] {
         &self.triangles[self.starts[number]..self.starts[number + 1]]
     }
 
@@ -52,8 +52,16 @@ impl TriangleLists {
     }
 
     /// All lists, one after the other.
-    pub fn triangles(&self) -> &[u32] {
+    pub fn triangles(&self) -> &[T] {
         &self.triangles
+    }
+
+    /// The same lists of other names of the triangles.
+    pub fn map<U>(self, name: impl FnMut(T) -> U) -> TriangleLists<U> {
+        TriangleLists {
+            starts: self.starts,
+            triangles: self.triangles.into_iter().map(name).collect(),
+        }
     }
 }
 

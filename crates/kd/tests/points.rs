@@ -208,7 +208,28 @@ fn check_frame(frame: &FrameData, what: &str) {
         .map(|p| brute_force::signed_distance(&mesh, *p))
         .collect();
     let (mut list, mut slots) = (Vec::new(), Vec::new());
+    let boxes: Vec<Aabb> = points
+        .iter()
+        .map(|p| Aabb::around([*p, *p - 0.7]))
+        .collect();
+    let in_boxes = frame.triangles_in_box_batch(&boxes);
+    assert_eq!(frame.par_triangles_in_box_batch(&boxes), in_boxes, "{what}");
+    let spheres: Vec<(Vec3, f32)> = points.iter().map(|point| (*point, 0.7)).collect();
+    let in_spheres = frame.triangles_in_sphere_batch(&spheres);
+    let in_parallel = frame.par_triangles_in_sphere_batch(&spheres);
+    assert_eq!(in_parallel, in_spheres, "{what}");
+    let mut windings = [vec![0.0; points.len()], vec![0.0; points.len()]];
+    frame.winding_number_batch(&points, &mut windings[0]);
+    frame.par_winding_number_batch(&points, &mut windings[1]);
+    assert_eq!(windings[0], windings[1], "{what}");
     for (number, &point) in points.iter().enumerate() {
+        let winding = frame.winding_number(point);
+        assert_eq!(winding, windings[0][number], "{what}, {point}");
+        let error = winding - brute_force::winding_number(&mesh, point);
+        assert!(
+            error.abs() <= WINDING_ERROR + 1e-6,
+            "{what}, {point}: {error}"
+        );
         let found = frame.closest_point(point, f32::INFINITY);
         assert_eq!(found, expected[number], "{what}, {point}");
         assert_eq!(frame.contains(point), inside[number], "{what}, {point}");
@@ -221,11 +242,13 @@ fn check_frame(frame: &FrameData, what: &str) {
         brute_force::triangles_in_sphere(&mesh, point, 0.7, &mut slots);
         let in_parts = slots.iter().map(|slot| parts[*slot as usize]);
         assert!(list.iter().copied().eq(in_parts), "{what}, {point}");
-        let bounds = Aabb::around([point, point - 0.7]);
+        assert_eq!(in_spheres.list(number), list, "{what}, {point}");
+        let bounds = boxes[number];
         frame.triangles_in_box(&bounds, &mut list);
         brute_force::triangles_in_box(&mesh, &bounds, &mut slots);
         let in_parts = slots.iter().map(|slot| parts[*slot as usize]);
         assert!(list.iter().copied().eq(in_parts), "{what}, {point}");
+        assert_eq!(in_boxes.list(number), list, "{what}, {point}");
     }
     let count = points.len();
     let mut found = [vec![None; count], vec![None; count]];
@@ -249,6 +272,40 @@ fn check_frame(frame: &FrameData, what: &str) {
         found.iter().all(|found| *found == distances),
         "{what}: batches"
     );
+}
+
+#[test]
+fn parts_that_are_mirrored_keep_their_sides() {
+    let corners = vec![
+        [-1.0; 3],
+        [3.0, -1.0, -1.0],
+        [-1.0, 3.0, -1.0],
+        [-1.0, -1.0, 3.0],
+    ];
+    let faces = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let tetrahedron = Mesh::new(corners, faces).expect("valid");
+    for strategy in strategies() {
+        let mut scene = Scene::new(BuildOptions::default());
+        scene.set_strategy(strategy.clone());
+        let first = scene.add_static(tetrahedron.clone()).expect("a part");
+        let mirrored = Affine3A::from_translation(5.0 * Vec3::X)
+            * Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+        let other = scene.add_instance(first, mirrored).expect("it is there");
+        scene.commit().expect("valid");
+        let inside = [Vec3::ZERO, 5.0 * Vec3::X];
+        for point in inside {
+            let winding = scene.frame().winding_number(point);
+            assert!(
+                (winding - 1.0).abs() <= WINDING_ERROR,
+                "{strategy:?}: {winding}"
+            );
+        }
+        // The hierarchy is that of the frame, not of the one before.
+        scene.remove(other).expect("it is there");
+        scene.commit().expect("valid");
+        let windings = inside.map(|point| scene.frame().winding_number(point).round());
+        assert_eq!(windings, [1.0, 0.0], "{strategy:?}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The second half of a commit: carries out the plan. Nothing here can fail.
 
 use std::mem;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use kd_core::Mesh;
 use kd_trace::{Joined, WideForest};
@@ -77,6 +77,7 @@ impl Scene {
             shape: Shape::Whole(layout),
             shared: Arc::default(),
             parts: parts.collect(),
+            winding: OnceLock::new(),
         };
         self.show_without_nodes(frame);
         (changes, Joined::default())
@@ -105,6 +106,7 @@ impl Scene {
             shape: Shape::Merged(plan.trees),
             shared: Arc::default(),
             parts: parts.collect(),
+            winding: OnceLock::new(),
         };
         self.moving_trees = plan.moving;
         self.show_without_nodes(frame);
@@ -234,6 +236,12 @@ impl Scene {
     /// A frame equal to the front frame, to change: the front frame itself if it has no snapshots, else in the memory of an earlier frame
     /// without any.
     fn next_frame(&mut self) -> FrameData {
+        let mut frame = self.memory_of_next_frame();
+        frame.winding = OnceLock::new();
+        frame
+    }
+
+    fn memory_of_next_frame(&mut self) -> FrameData {
         if let Some(front) = Arc::get_mut(&mut self.front) {
             return mem::take(front);
         }

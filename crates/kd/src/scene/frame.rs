@@ -1,10 +1,11 @@
 //! What a commit makes: the parts of a scene, ready to trace.
 
 use std::ops::Deref;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use kd_core::{Aabb, Culling, Hit, Layout, LayoutBytes, Mesh, Ray, RayPacket8};
+use kd_points::WindingNumbers;
 use kd_trace::kit::{Any, Closest, Collect, Ordered, rest_of};
 use kd_trace::{RayQuery, WideForest, WideTree, delegate_ray_query};
 
@@ -53,6 +54,8 @@ pub struct FrameData {
     /// Parts that share trees, which `shape` does not have.
     pub(super) shared: Arc<SharedParts>,
     pub(super) parts: FrameParts,
+    /// Made on demand, for these parts.
+    pub(super) winding: OnceLock<Arc<WindingNumbers>>,
 }
 
 /// What rays traverse.

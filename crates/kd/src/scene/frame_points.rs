@@ -1,8 +1,10 @@
 //! What points ask of a frame: of all its parts together.
 
+use std::sync::Arc;
+
 use glam::Vec3;
-use kd_core::Aabb;
-use kd_points::{Nearest, PointTree};
+use kd_core::{Aabb, Mesh};
+use kd_points::{Nearest, PointTree, TriangleLists, WindingNumbers};
 
 use super::PartId;
 use super::frame::FrameData;
@@ -136,6 +138,91 @@ impl FrameData {
     /// If the slices differ in length.
     pub fn par_signed_distance_batch(&self, points: &[Vec3], out: &mut [Option<f32>]) {
         kd_points::signed_distance_batch(&self.point_trees(), points, out, true);
+    }
+
+    /// The sum of the winding numbers of all parts, as [`KdTree::winding_number`](crate::KdTree::winding_number): within
+    /// [`WINDING_ERROR`](crate::points::WINDING_ERROR). The sides of a part that is mirrored are those of its mesh.
+    ///
+    /// The first call makes a hierarchy over all triangles, which the frame keeps. It takes about as long as a build of
+    /// [`fast`](crate::BuildOptions::fast), and about 100 bytes a triangle.
+    pub fn winding_number(&self, point: impl Into<Vec3>) -> f64 {
+        self.winding_numbers().at(point)
+    }
+
+    /// [`winding_number`](Self::winding_number) for each point.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    pub fn winding_number_batch(&self, points: &[Vec3], out: &mut [f64]) {
+        kd_points::winding_number_batch(self.winding_numbers(), points, out, false);
+    }
+
+    /// [`winding_number_batch`](Self::winding_number_batch) on the threads of the pool in scope.
+    ///
+    /// # Panics
+    ///
+    /// If the slices differ in length.
+    pub fn par_winding_number_batch(&self, points: &[Vec3], out: &mut [f64]) {
+        kd_points::winding_number_batch(self.winding_numbers(), points, out, true);
+    }
+
+    fn winding_numbers(&self) -> &WindingNumbers {
+        self.winding
+            .get_or_init(|| Arc::new(WindingNumbers::new(&self.mesh_by_sides())))
+    }
+
+    /// All parts in one mesh, whose triangles are counter-clockwise on the sides that their own meshes say.
+    fn mesh_by_sides(&self) -> Mesh {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for id in self.parts() {
+            let Some(slot) = self.parts.slot_of(id, 0) else {
+                continue;
+            };
+            let part = self.parts.of_slot(slot);
+            let mesh = part.mesh.mesh();
+            let first = u32::try_from(positions.len()).expect("fewer than 2^32 vertices");
+            positions.extend_from_slice(mesh.positions());
+            triangles.extend(mesh.triangles().iter().map(|corners| {
+                let [a, b, c] = corners.map(|corner| first + corner);
+                if part.sight.is_mirrored {
+                    [a, c, b]
+                } else {
+                    [a, b, c]
+                }
+            }));
+        }
+        Mesh::new(positions, triangles).expect("those of valid meshes")
+    }
+
+    /// [`triangles_in_box`](Self::triangles_in_box) for each box.
+    pub fn triangles_in_box_batch(&self, boxes: &[Aabb]) -> TriangleLists<(PartId, u32)> {
+        let lists = kd_points::triangles_in_box_batch(&self.point_trees(), boxes, false);
+        lists.map(|slot| self.triangle_of_part(slot))
+    }
+
+    /// [`triangles_in_box_batch`](Self::triangles_in_box_batch) on the threads of the pool in scope.
+    pub fn par_triangles_in_box_batch(&self, boxes: &[Aabb]) -> TriangleLists<(PartId, u32)> {
+        let lists = kd_points::triangles_in_box_batch(&self.point_trees(), boxes, true);
+        lists.map(|slot| self.triangle_of_part(slot))
+    }
+
+    /// [`triangles_in_sphere`](Self::triangles_in_sphere) for each center and radius.
+    pub fn triangles_in_sphere_batch(
+        &self,
+        spheres: &[(Vec3, f32)],
+    ) -> TriangleLists<(PartId, u32)> {
+        let lists = kd_points::triangles_in_sphere_batch(&self.point_trees(), spheres, false);
+        lists.map(|slot| self.triangle_of_part(slot))
+    }
+
+    /// [`triangles_in_sphere_batch`](Self::triangles_in_sphere_batch) on the threads of the pool in scope.
+    pub fn par_triangles_in_sphere_batch(
+        &self,
+        spheres: &[(Vec3, f32)],
+    ) -> TriangleLists<(PartId, u32)> {
+        let lists = kd_points::triangles_in_sphere_batch(&self.point_trees(), spheres, true);
+        lists.map(|slot| self.triangle_of_part(slot))
     }
 
     /// The triangles that have a point in a closed box, as [`KdTree::triangles_in_box`](crate::KdTree::triangles_in_box): ordered by part,
