@@ -55,8 +55,7 @@ impl SavedFile {
             file: name.clone(),
             source,
         };
-        let mut file = File::open(path).map_err(io_error)?;
-        let length = file.metadata().map_err(io_error)?.len();
+        let (mut file, length) = open_file(path).map_err(io_error)?;
         let mut bytes = Vec::new();
         let mut read_to = |end: u64, bytes: &mut Vec<u8>| {
             let more = end - bytes.len() as u64;
@@ -97,8 +96,8 @@ impl SavedFile {
             file: name.clone(),
             source,
         };
-        let file = File::open(path).map_err(io_error)?;
-        let length = file.metadata().map_err(io_error)?.len();
+        let (file, length) = open_file(path).map_err(io_error)?;
+        // Nothing can be mapped of an empty file.
         if length < HEADER_BYTES as u64 {
             let mut bytes = Vec::new();
             (&file).read_to_end(&mut bytes).map_err(io_error)?;
@@ -203,6 +202,20 @@ impl SavedFile {
         };
         Ok((elements, checksum))
     }
+}
+
+/// Opens a file, and returns its length. Not a folder, and nothing that has no length, such as a pipe or a device.
+fn open_file(path: &Path) -> io::Result<(File, u64)> {
+    // Before it is opened: to open a pipe waits for somebody who writes.
+    let metadata = std::fs::metadata(path)?;
+    if metadata.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    if !metadata.is_file() {
+        let problem = "not a file of the disk";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+    }
+    Ok((File::open(path)?, metadata.len()))
 }
 
 /// Reads the elements of a section, which is within the file, and computes their checksum.

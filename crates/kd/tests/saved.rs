@@ -220,8 +220,23 @@ fn other_files_are_refused_by_what_they_are() {
     }
     assert_eq!(with(12, [4, 3, 2, 1]), "numbers are in another byte order");
     assert_eq!(with(28, [9, 9, 9, 9]), "the header is damaged");
-    let missing = KdTree::load(path.with_extension("gone")).expect_err("not there");
-    assert!(matches!(missing, FileError::Io { .. }), "{missing}");
+    let folder = path.parent().expect("a folder");
+    let mut no_files = vec![path.with_extension("gone"), folder.to_owned()];
+    if cfg!(unix) {
+        // Endless.
+        no_files.push("/dev/zero".into());
+    }
+    for path in &no_files {
+        for read in [KdTree::load(path), open(path), open_verified(path)] {
+            let error = read.expect_err("no file");
+            assert!(matches!(error, FileError::Io { .. }), "{error}");
+        }
+    }
+    std::fs::write(&path, "").expect("written");
+    for read in [KdTree::load(&path), open(&path), open_verified(&path)] {
+        let error = read.expect_err("empty");
+        assert!(matches!(error, FileError::WrongMagic { .. }), "{error}");
+    }
 }
 
 /// The elements of a section, to forge.
