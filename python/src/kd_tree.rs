@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use kd::glam::{DVec3, Vec3};
-use kd::points::Nearest;
-use kd::{Aabb, BuildOptions, KdTree, Mesh};
+use kd::points::{Nearest, TriangleLists};
+use kd::{BuildOptions, KdTree, Mesh};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -135,30 +135,12 @@ impl PyKdTree {
         })
     }
 
-    fn triangles_in_boxes_of(&self, py: Python<'_>, boxes: &[Aabb]) -> PyResult<TriangleArrays> {
-        let workers = self.threads.for_items(boxes.len())?;
-        let lists = py.detach(|| {
-            workers.run(|| match workers.are_several() {
-                true => self.tree.par_triangles_in_box_batch(boxes),
-                false => self.tree.triangles_in_box_batch(boxes),
-            })
-        });
-        triangles_of(py, &lists, false, |triangle| (triangle, 0))
-    }
-
-    fn triangles_in_spheres_of(
+    fn triangles_of_lists(
         &self,
         py: Python<'_>,
-        spheres: &[(Vec3, f32)],
+        lists: &TriangleLists,
     ) -> PyResult<TriangleArrays> {
-        let workers = self.threads.for_items(spheres.len())?;
-        let lists = py.detach(|| {
-            workers.run(|| match workers.are_several() {
-                true => self.tree.par_triangles_in_sphere_batch(spheres),
-                false => self.tree.triangles_in_sphere_batch(spheres),
-            })
-        });
-        triangles_of(py, &lists, false, |triangle| (triangle, 0))
+        triangles_of(py, lists, false, |triangle| (triangle, 0))
     }
 }
 

@@ -186,7 +186,15 @@ macro_rules! with_queries {
                 lower: &Bound<'py, PyAny>,
                 upper: &Bound<'py, PyAny>,
             ) -> PyResult<TriangleArrays> {
-                self.triangles_in_boxes_of(py, &boxes(lower, upper, self.zero)?)
+                let boxes = boxes(lower, upper, self.zero)?;
+                let workers = self.threads.for_items(boxes.len())?;
+                let lists = py.detach(|| {
+                    workers.run(|| match workers.are_several() {
+                        true => self.answers().par_triangles_in_box_batch(&boxes),
+                        false => self.answers().triangles_in_box_batch(&boxes),
+                    })
+                });
+                self.triangles_of_lists(py, &lists)
             }
 
             /// The triangles that have a point at most a radius from each center, as :class:`TriangleLists`.
@@ -201,7 +209,15 @@ macro_rules! with_queries {
                 centers: &Bound<'py, PyAny>,
                 radii: &Bound<'py, PyAny>,
             ) -> PyResult<TriangleArrays> {
-                self.triangles_in_spheres_of(py, &spheres(centers, radii, self.zero)?)
+                let spheres = spheres(centers, radii, self.zero)?;
+                let workers = self.threads.for_items(spheres.len())?;
+                let lists = py.detach(|| {
+                    workers.run(|| match workers.are_several() {
+                        true => self.answers().par_triangles_in_sphere_batch(&spheres),
+                        false => self.answers().triangles_in_sphere_batch(&spheres),
+                    })
+                });
+                self.triangles_of_lists(py, &lists)
             }
         }
     };

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use kd::glam::{DAffine3, DMat3, DVec3, Vec3};
 use kd::points::{Nearest, TriangleLists};
 use kd::scene::{CommitAction, CommitReason, CommitReport};
-use kd::{Aabb, FrameData, MergeMethod, PartId, Scene, Strategy};
+use kd::{FrameData, MergeMethod, PartId, Scene, Strategy};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -359,33 +359,7 @@ impl PyFrame {
         })
     }
 
-    fn triangles_in_boxes_of(&self, py: Python<'_>, boxes: &[Aabb]) -> PyResult<TriangleArrays> {
-        let workers = self.threads.for_items(boxes.len())?;
-        let lists = py.detach(|| {
-            workers.run(|| match workers.are_several() {
-                true => self.data.par_triangles_in_box_batch(boxes),
-                false => self.data.triangles_in_box_batch(boxes),
-            })
-        });
-        self.triangles_of_parts(py, &lists)
-    }
-
-    fn triangles_in_spheres_of(
-        &self,
-        py: Python<'_>,
-        spheres: &[(Vec3, f32)],
-    ) -> PyResult<TriangleArrays> {
-        let workers = self.threads.for_items(spheres.len())?;
-        let lists = py.detach(|| {
-            workers.run(|| match workers.are_several() {
-                true => self.data.par_triangles_in_sphere_batch(spheres),
-                false => self.data.triangles_in_sphere_batch(spheres),
-            })
-        });
-        self.triangles_of_parts(py, &lists)
-    }
-
-    fn triangles_of_parts(
+    fn triangles_of_lists(
         &self,
         py: Python<'_>,
         lists: &TriangleLists<(PartId, u32)>,
