@@ -21,6 +21,10 @@ impl WideTree {
     /// # Errors
     ///
     /// [`LayoutError`] names the first node or block that is not valid.
+    #[allow(
+        unsafe_code,
+        reason = "children are checked here, with an error for each"
+    )]
     pub fn from_buffers(
         nodes: Buffer<WideNode>,
         blocks: Buffer<Block>,
@@ -31,11 +35,8 @@ impl WideTree {
         for (number, block) in blocks.iter().enumerate() {
             check_block(number, block, mesh)?;
         }
-        Ok(Self {
-            arrays: Arrays::new(nodes, blocks, root),
-            frame: Frame::new(&mesh.bounds()),
-            level: Level::detect(),
-        })
+        // SAFETY: `check_nodes` has checked the root and every child.
+        Ok(unsafe { Self::from_trusted_buffers(nodes, blocks, root, &mesh.bounds()) })
     }
 
     /// [`from_buffers`](Self::from_buffers) without a check, and without reading a node or a block. `bounds` are those of the mesh.

@@ -22,6 +22,7 @@ use super::source::WithBoxes;
 /// - [`Layout::Binary`]: the kd-tree of the options, whose planes cut primitives by [`clipped_bounds`](Primitives::clipped_bounds).
 ///   Slower: a ray asks every primitive of a leaf, one by one. The cost model of the presets is for tests of eight at a time; with
 ///   [`CostModel::CLASSIC`](crate::CostModel::CLASSIC) leaves are smaller, and a ray through spheres asks a third to a tenth of them.
+///   (A throw-away program, 100 000 spheres of three sizes, 2026-12-01.)
 ///
 /// Batches and packets trace one ray after another.
 #[derive(Clone, Debug)]

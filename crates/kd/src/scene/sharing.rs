@@ -12,10 +12,11 @@ use super::shared::{SharedPart, SharedTree};
 use super::{CommitError, Scene, Strategy};
 use crate::layout;
 
-/// Bytes of nodes, blocks and the mesh of a copied triangle. (Waved grids: 57 to 67 of nodes and blocks, 18 of the mesh.)
+/// Bytes of nodes, blocks and the mesh of a copied triangle. (Waved grids, a throw-away program, 2026-12-01: 57 to
+/// 67 of nodes and blocks, 18 of the mesh.)
 const BYTES: f64 = 80.0;
-/// Nanoseconds in which a triangle is copied, transformed and refitted. (The same grids, in instances of 968 triangles: 110; 9800: 50;
-/// 99 458: 42.)
+/// Nanoseconds in which a triangle is copied, transformed and refitted. (The same program, one thread, instances of 968
+/// triangles: 110; 9800: 50; 99 458: 42.)
 const COPY_NS: f64 = 50.0;
 /// Nanoseconds by which a ray takes longer through an instance whose box it meets, if that shares a tree. (The record of
 /// `cargo xtask queries`: a ray takes 171 in a scene that shares, 74 in the copy.)
