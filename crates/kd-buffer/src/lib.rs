@@ -8,12 +8,22 @@
 //!
 //! use kd_buffer::Buffer;
 //!
-//! let own = Buffer::from(vec![1_u32, 2, 3]);
-//! let bytes: Arc<[u8]> = bytemuck::cast_slice(&own).into();
-//! match Buffer::<u32>::shared(&Arc::new(bytes), 4..12) {
-//!     Ok(shared) => assert_eq!(shared[..], [2, 3]),
-//!     Err(error) => assert_eq!(error.to_string(), "bytes 4 to 12 are not at a multiple of 4"),
+//! /// In place of a mapped file.
+//! struct Words(Vec<u32>);
+//!
+//! impl AsRef<[u8]> for Words {
+//!     fn as_ref(&self) -> &[u8] {
+//!         bytemuck::cast_slice(&self.0)
+//!     }
 //! }
+//!
+//! let bytes = Arc::new(Words(vec![1, 2, 3]));
+//! let shared = Buffer::<u32>::shared(&bytes, 4..12)?;
+//! assert_eq!(shared, Buffer::from(vec![2, 3]));
+//! assert!(shared.is_shared());
+//! let error = Buffer::<u32>::shared(&bytes, 2..6).expect_err("between two elements");
+//! assert_eq!(error.to_string(), "bytes 2 to 6 are not at a multiple of 4");
+//! # Ok::<(), kd_buffer::NotElements>(())
 //! ```
 
 mod buffer;
